@@ -1,0 +1,33 @@
+# `make run` simulates the main scene; `make test` checks everything. Both build .venv where it is missing.
+PYTHON ?= python3
+SCENE ?= scenes/pipe.toml
+VENV := .venv
+BIN := $(VENV)/bin
+NAME := $(basename $(notdir $(SCENE)))
+
+.PHONY: run test lint benchmark clean
+
+run: $(VENV)/.installed
+	@mkdir -p output
+	$(BIN)/kinetic-solver run $(SCENE) -o output/$(NAME).nc --overwrite
+	$(BIN)/kinetic-solver plot output/$(NAME).nc -o output/$(NAME).png
+
+test: $(VENV)/.installed lint
+	$(BIN)/python -m pytest -q -n 2
+
+lint: $(VENV)/.installed
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+benchmark: $(VENV)/.installed
+	$(BIN)/python -m benchmarks
+
+$(VENV)/.installed: pyproject.toml
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed; set PYTHON=...")'
+	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --editable '.[dev]'
+	@touch $@
+
+clean:
+	rm -rf $(VENV) output build *.egg-info

@@ -1,0 +1,55 @@
+"""Real Fourier transforms along x (axis 0): the one module that imports pyfftw.
+
+Plans are made with FFTW_ESTIMATE, which depends on the shape alone: the same input gives the same bits in every process
+(measured plans do not). One thread each; the caller parallelises over other axes if it wants to.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+def wavenumbers(nx: int, length: float) -> Array:
+    """k = 2π n/L for n = 0 … nx//2, the rows of a real transform."""
+    return 2 * np.pi / length * np.arange(nx // 2 + 1)
+
+
+class RealTransform:
+    """Forward and inverse transform along axis 0 of arrays of shape (nx, columns), with buffers of its own.
+
+    `forward` returns a view of an internal buffer of shape (nx//2 + 1, columns), to be changed in place; `inverse`
+    transforms what that buffer holds and returns a new array. Not thread-safe.
+    """
+
+    def __init__(self, nx: int, columns: int) -> None:
+        pyfftw = _pyfftw()
+        self._real = pyfftw.empty_aligned((nx, columns), dtype="float64")
+        self.spectrum = pyfftw.empty_aligned((nx // 2 + 1, columns), dtype="complex128")
+        flags = ("FFTW_ESTIMATE",)
+        self._forward: Callable[[], Any] = pyfftw.FFTW(self._real, self.spectrum, axes=(0,), flags=flags)
+        self._inverse: Callable[[], Any] = pyfftw.FFTW(
+            self.spectrum, self._real, axes=(0,), direction="FFTW_BACKWARD", flags=flags
+        )
+
+    def forward(self, f: Array) -> NDArray[np.complex128]:
+        self._real[:] = f
+        self._forward()
+        return self.spectrum
+
+    def inverse(self) -> Array:
+        self._inverse()  # pyfftw divides by nx
+        return self._real.copy()
+
+
+@functools.cache
+def _pyfftw() -> Any:
+    import pyfftw
+
+    return pyfftw
