@@ -1,0 +1,67 @@
+"""The exact Ornstein-Uhlenbeck transition between velocity points: exact in time, spectrally accurate in v."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinetic_solver.grid import PhaseSpaceGrid
+from kinetic_solver.scene import Model
+from kinetic_solver.velocity.ornstein_uhlenbeck import transition
+
+Array = NDArray[np.float64]
+
+RESOLVED = 1.4
+"""The kernel's width s in units of dv from which the trapezoidal rule integrates it to round-off: 2 exp(-2π² 1.4²) = 3e-17."""
+
+
+def resolved_spacing(model: Model, h: float) -> float:
+    """The largest dv at which the Gaussian kernel of a step h is integrated to round-off (0 without noise)."""
+    return float(np.sqrt(transition(model, h).velocity_variance)) / RESOLVED
+
+
+class OrnsteinUhlenbeckKernel:
+    """K_ij = dv N(v_i; m + (v_j - m)e, s²), the transition density of (1) at the velocity points.
+
+    Where dv resolves its width (`resolved_spacing`) the matrix is positive, accurate RELATIVE to f in the tails
+    (docs/theory.md: the follow-the-leader operator needs that), and scaled symmetrically, d_i K_ij d_j, so that every
+    column sums to 1 and detailed balance with the Maxwellian of variance σ stays exact: mass is conserved and the
+    equilibrium is stationary to round-off, the window's edges included. The factors d differ from 1 at the edges alone.
+
+    Where it does not (short steps, no noise), the kernel's band-limited form takes its place: exact for every f that
+    the grid resolves, mass conserved to round-off, but not positive.
+    Tests: tests/invariants/test_velocity.py, tests/convergence/test_velocity.py.
+    """
+
+    name = "kernel"
+
+    def __init__(self, grid: PhaseSpaceGrid, model: Model) -> None:
+        self.grid = grid
+        self.model = model
+
+    def positive(self, h: float) -> bool:
+        """True where the step h is long enough for the positive form."""
+        return self.grid.dv <= resolved_spacing(self.model, h)
+
+    def matrix(self, h: float) -> Array:
+        step = transition(self.model, h)
+        arrival = step.velocity_shift + self.grid.v * step.decay
+        if not self.positive(h):
+            return self._band_limited(arrival, step.velocity_variance)
+        distance = self.grid.v[:, None] - arrival[None, :]
+        kernel = np.exp(-(distance**2) / (2 * step.velocity_variance))
+        kernel *= self.grid.dv / np.sqrt(2 * np.pi * step.velocity_variance)
+        d = np.ones(self.grid.nv)
+        # Symmetric matrix scaling (Sinkhorn 1964), damped: the error halves in each pass.
+        for _ in range(60):
+            d = np.sqrt(d / (d @ kernel))
+        kernel *= d[:, None] * d[None, :]
+        return kernel / kernel.sum(axis=0)
+
+    def _band_limited(self, arrival: Array, variance: float) -> Array:
+        nv, period = self.grid.nv, self.grid.high - self.grid.low
+        q = 2 * np.pi / period * np.arange(nv // 2 + 1)
+        weight = np.exp(-(q**2) * variance / 2)
+        weight[1 : (nv + 1) // 2] *= 2  # ±q; a Nyquist mode (even nv) counts once, as a cosine
+        inward = np.exp(-1j * np.outer(q, arrival)) * (weight / nv)[:, None]
+        return (np.exp(1j * np.outer(self.grid.v, q)) @ inward).real

@@ -1,0 +1,18 @@
+"""What a drift-diffusion substep is."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class DriftDiffusion(Protocol):
+    """Solves ∂f/∂t + ∂/∂v[(g - γv) f] = σγ ∂²f/∂v² on the velocity points, over any time h."""
+
+    name: str
+
+    def matrix(self, h: float) -> NDArray[np.float64]:
+        """K(h), shape (nv, nv): f(v_i) after h is Σ_j K_ij f(v_j). Every column sums to 1: mass is conserved."""
+        ...
