@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import os
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
@@ -18,7 +18,6 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from kinetic_solver.grid import PhaseSpaceGrid
-from kinetic_solver.moments import Moments
 from kinetic_solver.scene import Scene, SceneError
 
 if TYPE_CHECKING:
@@ -266,6 +265,17 @@ def open_run(path: str | Path) -> xr.Dataset:
     return dataset
 
 
-def moments_frame(m: Moments) -> Iterator[tuple[str, Any]]:
-    """The names under which moments are stored."""
-    yield from vars(m).items()
+
+def write_dataset(dataset: xr.Dataset, path: str | Path, overwrite: bool = False) -> None:
+    """Write a whole dataset in the format of `NetCDFRecorder`, through a temporary file: all of it or nothing."""
+    path = Path(path)
+    if path.exists() and not overwrite:
+        raise SceneError(f"{path}: exists already; use --overwrite to replace it, or name another file with -o")
+    part = path.with_name(path.name + ".part")
+    try:
+        dataset.to_netcdf(part, format="NETCDF3_64BIT_DATA", engine="netcdf4", unlimited_dims=["time"])
+        part.replace(path)
+    except OSError as error:
+        raise SceneError(f"{path}: cannot be created ({error.strerror})") from None
+    finally:
+        part.unlink(missing_ok=True)

@@ -1,0 +1,3 @@
+from kinetic_solver.cli import main
+
+main()

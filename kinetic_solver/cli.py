@@ -1,0 +1,200 @@
+"""The command line. Thin, and lazy: nothing heavy is imported until a command runs."""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from kinetic_solver.scene import Scene
+
+DONE, FAILED, WRONG = 0, 1, 2
+
+app = typer.Typer(
+    name="kinetic-solver",
+    help="One-dimensional kinetic equations with friction, noise and collisions.",
+    rich_markup_mode=None,
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+
+ScenePath = Annotated[Path, typer.Argument(metavar="SCENE.toml", show_default=False)]
+RunPath = Annotated[Path, typer.Argument(metavar="OUT.nc", show_default=False)]
+Overrides = Annotated[list[str] | None, typer.Option("--set", metavar="a.b=value", help="Override a key of the scene.")]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace an existing output file.")]
+
+
+def main() -> None:
+    """Entry point: errors become one line on stderr and an exit code."""
+    warnings.showwarning = _show_warning
+    app()
+
+
+def _show_warning(message: Warning | str, *_: Any) -> None:
+    print(f"warning: {message}", file=sys.stderr)
+
+
+def _fail(error: BaseException, code: int) -> typer.Exit:
+    print(f"error: {error}", file=sys.stderr)
+    return typer.Exit(code)
+
+
+@contextmanager
+def _exit_codes() -> Iterator[None]:
+    """SceneError → 2, a run that cannot go on → 1; one line each."""
+    from kinetic_solver.scene import SceneError
+
+    try:
+        yield
+    except SceneError as error:
+        raise _fail(error, WRONG) from None
+    except (RuntimeError, MemoryError, OSError) as error:
+        raise _fail(error, FAILED) from None
+
+
+def _load(path: Path, overrides: list[str] | None) -> Scene:
+    from kinetic_solver.scene import Scene, parse_override
+
+    return Scene.from_toml(path, dict(parse_override(text) for text in overrides or ()))
+
+
+@app.command()
+def run(
+    scene: ScenePath,
+    output: Annotated[Path | None, typer.Option("-o", "--output", metavar="OUT.nc", help="Default: SCENE.nc.")] = None,
+    method: Annotated[str, typer.Option(help="grid, or exact (the closed form, where there is one).")] = "grid",
+    overrides: Overrides = None,
+    overwrite: Overwrite = False,
+) -> None:
+    """Solve a scene and write a netCDF file."""
+    with _exit_codes():
+        from kinetic_solver.scene import SceneError
+
+        if method not in ("grid", "exact"):
+            raise SceneError(f"--method {method!r}: unknown; allowed: 'grid', 'exact'")
+        loaded = _load(scene, overrides)
+        target = output or Path(scene.stem + ".nc")
+        (_run_grid if method == "grid" else _run_exact)(loaded, target, overwrite)
+        print(f"wrote {target}")
+
+
+def _run_grid(scene: Scene, target: Path, overwrite: bool) -> None:
+    from kinetic_solver.monitor import SolverStopped
+    from kinetic_solver.output import NetCDFRecorder
+    from kinetic_solver.plan import make_plan
+    from kinetic_solver.solver import integrate
+
+    plan = make_plan(scene)
+    recorder = NetCDFRecorder(target, plan.grid, scene, overwrite=overwrite)
+    try:
+        with _progress(scene.run.end_time) as progress:
+            integrate(plan, recorder, progress)
+    except BaseException as stop:
+        reason = str(stop) if isinstance(stop, SolverStopped) else f"interrupted by {type(stop).__name__}: {stop}"
+        recorder.close(stopped=reason)
+        raise
+    recorder.close()
+
+
+def _run_exact(scene: Scene, target: Path, overwrite: bool) -> None:
+    from kinetic_solver import exact
+    from kinetic_solver.output import write_dataset
+
+    write_dataset(exact.solve(scene), target, overwrite)
+
+
+@contextmanager
+def _progress(end_time: float) -> Iterator[Callable[[float, int, int], None]]:
+    """A bar on a terminal; elsewhere a plain line with the time left, at most every ten seconds."""
+    if sys.stderr.isatty():
+        from rich.console import Console
+        from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+        columns = (TextColumn("t = {task.fields[time]:.4g}"), BarColumn(), TextColumn("{task.percentage:.0f} %"))
+        with Progress(*columns, TimeRemainingColumn(), console=Console(stderr=True)) as bar:
+            task = bar.add_task("run", total=1.0, time=0.0)
+            yield lambda time, step, total: bar.update(task, completed=step / total, time=time)
+        return
+    from time import monotonic
+
+    began = spoken = monotonic()
+
+    def line(time: float, step: int, total: int) -> None:
+        nonlocal spoken
+        now = monotonic()
+        if now - spoken >= 10 or step == total:
+            spoken = now
+            left = (now - began) / step * (total - step)
+            print(f"t = {time:.6g} of {end_time:g}, step {step} of {total}, {left:.0f} s left", file=sys.stderr)
+
+    yield line
+
+
+@app.command()
+def plot(
+    run: RunPath,
+    output: Annotated[Path | None, typer.Option("-o", "--output", metavar="OUT.png", help="Default: OUT.png.")] = None,
+    times: Annotated[str | None, typer.Option(help="Times of the f(x, v) panels, as 0,1.5,3.")] = None,
+) -> None:
+    """Draw density over (x, t), the velocity distribution, and f(x, v)."""
+    with _exit_codes():
+        from kinetic_solver.output import open_run
+        from kinetic_solver.plotting import save_overview
+        from kinetic_solver.scene import SceneError
+
+        try:
+            chosen = [float(part) for part in times.split(",")] if times else None
+        except ValueError:
+            raise SceneError(f"--times {times!r}: expected numbers separated by commas") from None
+        target = output or run.with_suffix(".png")
+        with open_run(run) as dataset:
+            save_overview(dataset, target, chosen)
+        print(f"wrote {target}")
+
+
+@app.command()
+def describe(scene: ScenePath, overrides: Overrides = None) -> None:
+    """Print the equation, its groups, the homogeneous state, and the run that would be made."""
+    with _exit_codes():
+        from kinetic_solver.describe import describe as sections
+
+        for title, rows in sections(_load(scene, overrides)):
+            print(f"\n{title}")
+            width = max(len(label) for label, _ in rows)
+            for label, text in rows:
+                print(f"  {label:<{width}}  {text}")
+
+
+@app.command()
+def info(run: RunPath) -> None:
+    """Say what a run's file holds, and how well its budgets close."""
+    with _exit_codes():
+        from kinetic_solver.info import summary
+        from kinetic_solver.output import open_run
+
+        with open_run(run) as dataset:
+            for line in summary(dataset):
+                print(line)
+
+
+@app.command()
+def init(
+    scene: Annotated[Path, typer.Argument(metavar="SCENE.toml")] = Path("scene.toml"), overwrite: Overwrite = False
+) -> None:
+    """Write a commented scene to start from."""
+    with _exit_codes():
+        from importlib.resources import files
+
+        from kinetic_solver.scene import SceneError
+
+        if scene.exists() and not overwrite:
+            raise SceneError(f"{scene}: exists already; use --overwrite to replace it")
+        scene.write_text(files("kinetic_solver").joinpath("template.toml").read_text(encoding="utf-8"), encoding="utf-8")
+        print(f"wrote {scene}; now: kinetic-solver run {scene}")

@@ -1,0 +1,115 @@
+"""A scene in words and numbers, before anything runs."""
+
+from __future__ import annotations
+
+import math
+
+from kinetic_solver.homogeneous import homogeneous_state, start_state
+from kinetic_solver.plan import Plan, frame_times, make_plan
+from kinetic_solver.scene import FOLLOW_LEADER, INELASTIC, Scene
+from kinetic_solver.stability import critical_density
+
+Row = tuple[str, str]
+
+
+def describe(scene: Scene) -> list[tuple[str, list[Row]]]:
+    """Sections of (label, text): equation, groups, homogeneous state, closure, and the run that `solve` would make."""
+    return [
+        ("Equation", _equation(scene)),
+        ("Dimensionless groups", _groups(scene)),
+        ("Homogeneous state", _homogeneous(scene)),
+        ("Three-moment closure of the paper", _closure(scene)),
+        ("Start", _start(scene)),
+        ("Run on the grid", _run(make_plan(scene))),
+    ]
+
+
+def _equation(scene: Scene) -> list[Row]:
+    m = scene.model
+    rows = [
+        ("(2)", "∂f/∂t + v ∂f/∂x + ∂/∂v[(g - γv) f] = σγ ∂²f/∂v² + C[f]"),
+        ("coefficients", f"g = {m.gravity:g}, γ = {m.friction:g}, σ = {m.noise:g}, L = {scene.pipe.length:g}"),
+    ]
+    s = scene.cross_section
+    if scene.operator == FOLLOW_LEADER:
+        rows.append(("(6)", f"C[f] = S f ρ (u - v), follow the leader, S = {s:g}"))
+    elif scene.operator == INELASTIC:
+        assert scene.collisions is not None
+        rows.append(
+            ("(12)", f"C[f] = S [gain - ∫f f' |v - v'| dv'], inelastic, S = {s:g}, ε = {scene.collisions.restitution:g}")
+        )
+    else:
+        why = "elastic collisions of equal particles exchange labels only" if s else "none in the scene"
+        rows.append(("C[f] = 0", why))
+    return rows
+
+
+def _groups(scene: Scene) -> list[Row]:
+    g = scene.groups
+    return [
+        ("R* = S ρ √σ/γ", f"{g.collision_number:.6g}   collisions per relaxation time of a thermal particle"),
+        ("k* = (2π/L) √σ/γ", f"{g.wavenumber:.6g}   thermal free path against the longest wave"),
+        ("L* = L γ/√σ", f"{g.length:.6g}   length of the pipe in thermal free paths"),
+    ]
+
+
+def _homogeneous(scene: Scene) -> list[Row]:
+    state = homogeneous_state(scene)
+    if state is None:
+        return [("none", "without both friction and noise the temperature decays for ever, or not at all")]
+    rows = [
+        ("mean velocity u_h", f"{state.mean_velocity:.10g}"),
+        ("temperature θ_h", f"{state.temperature:.10g}"),
+    ]
+    if scene.operator == INELASTIC:
+        rows.append(("kurtosis excess a2", f"{state.kurtosis_excess:.6g}   ⟨w⁴⟩/(3θ²) - 1; 0 for a Gaussian (solved, not assumed)"))
+    else:
+        rows.append(("velocity distribution", "exactly a Gaussian"))
+    if scene.operator is not None:
+        rows.append(("collision rate", f"{state.collision_rate:.6g} per particle and unit of time"))
+    return rows
+
+
+def _closure(scene: Scene) -> list[Row]:
+    if not math.isfinite(critical_density(scene)):
+        return [("critical density", "none: the closure of this scene is stable at every density")]
+    rho = scene.initial.density
+    rows = []
+    for mode in (1, 2, 4, 8):
+        rho_c = critical_density(scene, mode)
+        rows.append((f"ρ_c of mode {mode}", f"{rho_c:.6g}   the scene's ρ = {rho:g} is {'above' if rho > rho_c else 'below'}"))
+    rows.append(("what it means", "a property of the closure (3)-(5); equation (2) itself is linearly stable at every density"))
+    return rows
+
+
+def _start(scene: Scene) -> list[Row]:
+    if scene.initial.file is not None:
+        return [("file", scene.initial.file)]
+    u0, theta0 = start_state(scene)
+    return [("mean velocity, temperature", f"{u0:.6g}, {theta0:.6g}")]
+
+
+def _run(plan: Plan) -> list[Row]:
+    g, reasons = plan.grid, plan.reasons
+
+    def row(label: str, text: str, key: str) -> Row:
+        return label, f"{text}   {reasons.get(key, 'as given')}"
+
+    rows = [
+        row("nx", f"{g.nx}", "nx"),
+        row("nv", f"{g.nv}", "nv"),
+        row("velocity window", f"[{g.low:.5g}, {g.high:.5g}]", "velocity_window"),
+        ("drift and diffusion", plan.drift_diffusion),
+    ]
+    if plan.deposit is not None:
+        rows.append(row("deposit", plan.deposit, "deposit"))
+    if plan.time_step is None:
+        rows.append(("time step", "one exact step from frame to frame"))
+    else:
+        rows.append(row("time step", f"{plan.time_step:.4g}", "time_step"))
+    frames = len(frame_times(plan.scene))
+    rows += [
+        ("steps", f"{plan.total_steps} in {frames} frames"),
+        ("memory", f"{plan.memory / 2**20:.3g} MiB"),
+    ]
+    return rows
