@@ -14,8 +14,8 @@ from kinetic_solver.velocity.ornstein_uhlenbeck import transition
 
 Array = NDArray[np.float64]
 
-UNRESOLVED = 0.25
-"""dv²|∂²f/∂v²|/max f at which a peak counts as unresolved: a Gaussian whose standard deviation is 2 dv."""
+UNRESOLVED = 0.5
+"""dv²|∂²f/∂v²|/max f at which a peak counts as unresolved: a Gaussian whose standard deviation is 1.4 dv."""
 
 
 class SolverStopped(RuntimeError):
@@ -26,7 +26,7 @@ class Monitor:
     """Diagnostics of f, each relative to max f, and the decision to stop.
 
     Losses that rtol bounds stop a run whose grid was chosen for it; where [grid] gives the offending quantity they are
-    warned of once, since what is given is kept. NaN, and peaks narrower than two dv, always stop.
+    warned of once, since what is given is kept. NaN, and peaks narrower than UNRESOLVED, always stop.
     """
 
     def __init__(self, plan: Plan) -> None:
@@ -57,7 +57,7 @@ class Monitor:
         }
         if values["velocity_curvature"] > UNRESOLVED:
             raise SolverStopped(
-                f"t = {time:.6g}: the velocity distribution has become narrower than 2 dv = {2 * grid.dv:.3g} and is no longer "
+                f"t = {time:.6g}: the velocity distribution has become narrower than 1.4 dv = {1.4 * grid.dv:.3g} and is no longer "
                 "resolved; raise grid.nv, narrow grid.velocity_window, or end the run earlier"
             )
         low, high = values["edge_error_low"], values["edge_error_high"]

@@ -45,7 +45,7 @@ VARIABLES: dict[str, dict[str, tuple[tuple[str, ...], str, str]]] = {
         "minimum_of_f": ((), "1", "minimum of f over its maximum"),
         "edge_error_low": ((), "1", "f at the window's lower edge, amplified as operator (6) does, over max f"),
         "edge_error_high": ((), "1", "f at the window's upper edge over max f"),
-        "velocity_curvature": ((), "1", "largest second difference of f in v over max f; 0.25 is unresolved"),
+        "velocity_curvature": ((), "1", "largest second difference of f in v over max f; 0.5 is unresolved"),
         "spectral_tail": ((), "1", "largest amplitude in the highest eighth of wavenumbers over the largest of all"),
     },
     "budgets": {
