@@ -1,0 +1,54 @@
+"""Shared scenes. Parameters differ from one another and from one, so that an error of convention shows."""
+
+from __future__ import annotations
+
+import os
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+import copy
+import math
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from kinetic_solver.scene import Scene
+
+BASE: dict[str, Any] = {
+    "model": {"gravity": 1.3, "friction": 0.7, "noise": 0.5},
+    "pipe": {"length": 9.0},
+    "initial": {"density": 0.8, "modes": [{"mode": 1, "cos": 0.4}, {"mode": 2, "sin": 0.2}]},
+    "run": {"end_time": 1.5},
+}
+
+
+def merge(base: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
+    result = copy.deepcopy(base)
+    for key, value in changes.items():
+        result[key] = {**result.get(key, {}), **value} if isinstance(value, dict) else value
+    return result
+
+
+@pytest.fixture
+def make_scene() -> Callable[..., Scene]:
+    """make_scene(table={...}, ...): the base scene with keys replaced; without collisions unless given."""
+    return lambda **changes: Scene.model_validate(merge(BASE, changes))
+
+
+@pytest.fixture
+def standing_scene() -> Callable[..., Scene]:
+    """ρ0 = 1 + 0.5 cos kx + 0.2 sin 3kx on L = 8π, g = γ = σ = 1, t = 2: the scene that schemes are compared on."""
+    base = {
+        "model": {"gravity": 1.0, "friction": 1.0, "noise": 1.0},
+        "pipe": {"length": 8 * math.pi},
+        "initial": {"modes": [{"mode": 1, "cos": 0.5}, {"mode": 3, "sin": 0.2}]},
+        "run": {"end_time": 2.0},
+        "output": {"moments": False, "budgets": False},
+    }
+
+    def make(collision_number: float, **changes: Any) -> Scene:
+        table = {"operator": "follow-the-leader", "cross_section": collision_number}
+        return Scene.model_validate(merge({**base, "collisions": table}, changes))
+
+    return make
