@@ -1,0 +1,7 @@
+"""The two collision operators: (6) follow-the-leader and (12) inelastic."""
+
+from kinetic_solver.collisions.follow_leader import FollowLeader
+from kinetic_solver.collisions.inelastic import Inelastic
+from kinetic_solver.collisions.protocol import CollisionOperator
+
+__all__ = ["CollisionOperator", "FollowLeader", "Inelastic"]

@@ -1,0 +1,103 @@
+"""Initial states: the scene's conventions for density, mean velocity and temperature over x, and f from them or from a file."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from kinetic_solver.scene import Scene, SceneError, fourier_sum
+
+Array = NDArray[np.float64]
+
+
+def density(scene: Scene, x: ArrayLike) -> Array:
+    """ρ0(x), of the shape of x; its mean over the pipe is `initial.density`."""
+    start = scene.initial
+    x = np.asarray(x, dtype=float)
+    if start.step is None:
+        return start.density * (1 + fourier_sum(start.modes, x, scene.pipe.length))
+    place = np.mod(x / scene.pipe.length, 1.0)
+    inside = (place >= start.step.start) & (place < start.step.end)
+    return _outer_density(scene) * np.where(inside, start.step.ratio, 1.0)
+
+
+def _outer_density(scene: Scene) -> float:
+    """The density outside the step."""
+    step = scene.initial.step
+    assert step is not None
+    return scene.initial.density / (1 + (step.ratio - 1) * (step.end - step.start))
+
+
+def mean_velocity(scene: Scene, x: ArrayLike, base: float) -> Array:
+    """u0(x) = base + Σ velocity_modes."""
+    return base + fourier_sum(scene.initial.velocity_modes, x, scene.pipe.length)
+
+
+def temperature(scene: Scene, x: ArrayLike, base: float) -> Array:
+    """θ0(x) = base·(1 + Σ temperature_modes)."""
+    return base * (1 + fourier_sum(scene.initial.temperature_modes, x, scene.pipe.length))
+
+
+def density_integral(scene: Scene, y: ArrayLike) -> Array:
+    """Φ0(y) = ∫_0^y ρ0, ρ0 continued periodically: its linear part is included. Any real y."""
+    start, length = scene.initial, scene.pipe.length
+    y = np.asarray(y, dtype=float)
+    if start.step is not None:
+        periods = np.floor(y / length)
+        place = y / length - periods
+        inside = np.clip(place - start.step.start, 0.0, start.step.end - start.step.start)
+        outer = _outer_density(scene)
+        return length * (start.density * periods + outer * (place + (start.step.ratio - 1) * inside))
+    total = y.copy()
+    for m in start.modes:
+        k = 2 * np.pi * m.mode / length
+        # 1 - cos = 2 sin²(./2), without cancellation at small y
+        total += (m.cos * np.sin(k * y) + m.sin * 2 * np.sin(k * y / 2) ** 2) / k
+    return start.density * total
+
+
+def maxwellian(density: Array, mean_velocity: Array, temperature: Array, v: Array) -> Array:
+    """ρ N(v; u, θ), shape (nx, nv)."""
+    w = v[None, :] - mean_velocity[:, None]
+    theta = temperature[:, None]
+    return density[:, None] * np.exp(-(w**2) / (2 * theta)) / np.sqrt(2 * np.pi * theta)
+
+
+def from_file(scene: Scene, x: Array, v: Array) -> Array:
+    """The last complete f(x, v) of the netCDF file `initial.file`, on the points x, v.
+
+    In x the trigonometric interpolant, in v a cubic spline, zero outside the file's window; both exact where the points agree.
+    Raises SceneError where the file has no such f, or another period.
+    """
+    import xarray as xr
+    from scipy.interpolate import make_interp_spline
+
+    path = scene.initial.file
+    assert path is not None
+    try:
+        with xr.open_dataset(path) as data:
+            if "f" not in data:
+                raise SceneError(f"initial.file = {path!r}: has no f(time, x, v); the grid method starts from nothing else")
+            f, old_x, old_v = data["f"].values, data["x"].values, data["v"].values
+            bounds = data["x_bounds"].values if "x_bounds" in data else None
+    except (OSError, ValueError) as error:
+        if isinstance(error, SceneError):
+            raise
+        raise SceneError(f"initial.file = {path!r}: is not a readable netCDF file") from None
+    if bounds is not None and not np.isclose(bounds[-1, 1] - bounds[0, 0], scene.pipe.length, rtol=1e-9):
+        raise SceneError(
+            f"initial.file = {path!r}: its period is {bounds[-1, 1] - bounds[0, 0]:.10g}, the scene's {scene.pipe.length:.10g}"
+        )
+    complete = f[np.isfinite(f).all(axis=(1, 2))]
+    if not len(complete):
+        raise SceneError(f"initial.file = {path!r}: has no complete frame of f")
+    state = complete[-1]
+    if not (old_v.shape == v.shape and np.allclose(old_v, v, rtol=1e-12, atol=0)):
+        inside = (v >= old_v[0]) & (v <= old_v[-1])
+        spline = make_interp_spline(old_v, state, k=3, axis=1)
+        state = np.where(inside, spline(np.clip(v, old_v[0], old_v[-1])), 0.0)
+    if old_x.size != x.size:
+        spectrum = np.fft.rfft(state, axis=0) / old_x.size
+        kept = min(spectrum.shape[0], x.size // 2 + 1)
+        state = np.fft.irfft(spectrum[:kept] * x.size, n=x.size, axis=0)
+    return np.ascontiguousarray(state)
