@@ -1,7 +1,7 @@
 """One-dimensional kinetic equations with friction, noise and collisions, solved and held against exact solutions.
 
-    from kinetic_solver import Scene, solve
-    dataset = solve(Scene.from_toml("scenes/pipe.toml"))
+from kinetic_solver import Scene, solve
+dataset = solve(Scene.from_toml("scenes/pipe.toml"))
 """
 
 from __future__ import annotations

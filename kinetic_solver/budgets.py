@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from kinetic_solver.arrays import Array
 from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.moments import totals
 from kinetic_solver.scene import Model
 from kinetic_solver.velocity.ornstein_uhlenbeck import transition
-
-Array = NDArray[np.float64]
 
 
 class Ledger:
@@ -65,8 +63,7 @@ class Ledger:
         _, c1, c2 = totals(self.grid, collision_rate) if collision_rate is not None else (0.0, 0.0, 0.0)
         change = self.now - self.initial
         moved = {
-            kind: sum(value for name, value in self.brought.items() if name.startswith(kind))
-            for kind in ("momentum", "energy")
+            kind: sum(value for name, value in self.brought.items() if name.startswith(kind)) for kind in ("momentum", "energy")
         }
         return {
             "momentum_rate_gravity": g * mass,

@@ -33,7 +33,7 @@ Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace an existin
 
 def main() -> None:
     """Entry point: errors become one line on stderr and an exit code."""
-    warnings.showwarning = _show_warning
+    warnings.showwarning = _show_warning  # type: ignore[assignment]
     app()
 
 
@@ -185,9 +185,7 @@ def info(run: RunPath) -> None:
 
 
 @app.command()
-def init(
-    scene: Annotated[Path, typer.Argument(metavar="SCENE.toml")] = Path("scene.toml"), overwrite: Overwrite = False
-) -> None:
+def init(scene: Annotated[Path, typer.Argument(metavar="SCENE.toml")] = Path("scene.toml"), overwrite: Overwrite = False) -> None:
     """Write a commented scene to start from."""
     with _exit_codes():
         from importlib.resources import files

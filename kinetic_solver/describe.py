@@ -36,7 +36,10 @@ def _equation(scene: Scene) -> list[Row]:
     elif scene.operator == INELASTIC:
         assert scene.collisions is not None
         rows.append(
-            ("(12)", f"C[f] = S [gain - ∫f f' |v - v'| dv'], inelastic, S = {s:g}, ε = {scene.collisions.restitution:g}")
+            (
+                "(12)",
+                f"C[f] = S [gain - ∫f f' |v - v'| dv'], inelastic, S = {s:g}, ε = {scene.collisions.restitution:g}",
+            )
         )
     else:
         why = "elastic collisions of equal particles exchange labels only" if s else "none in the scene"
@@ -62,7 +65,12 @@ def _homogeneous(scene: Scene) -> list[Row]:
         ("temperature θ_h", f"{state.temperature:.10g}"),
     ]
     if scene.operator == INELASTIC:
-        rows.append(("kurtosis excess a2", f"{state.kurtosis_excess:.6g}   ⟨w⁴⟩/(3θ²) - 1; 0 for a Gaussian (solved, not assumed)"))
+        rows.append(
+            (
+                "kurtosis excess a2",
+                f"{state.kurtosis_excess:.6g}   ⟨w⁴⟩/(3θ²) - 1; 0 for a Gaussian (solved, not assumed)",
+            )
+        )
     else:
         rows.append(("velocity distribution", "exactly a Gaussian"))
     if scene.operator is not None:

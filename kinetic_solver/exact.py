@@ -1,7 +1,8 @@
-"""The exact solution of the nonlinear equation (2) with operator (6), and without collisions. Shares no numerics with the grid solver.
+"""The exact solution of the nonlinear equation (2) with operator (6), and without collisions.
 
-With Φ_x = ρ, Φ_t = -ρu and f = F exp(-SΦ), F obeys the linear Kramers equation, whose Green's function N2(x, v | y) for particles that
-start at y is a Gaussian in (x, v) (docs/theory.md). So for every Maxwellian start, ρ0, u0 and θ0 depending on y as they may,
+It shares no numerics with the grid solver. With Φ_x = ρ, Φ_t = -ρu and f = F exp(-SΦ), F obeys the linear Kramers equation,
+whose Green's function N2(x, v | y) for particles that start at y is a Gaussian in (x, v) (docs/theory.md). So for
+every Maxwellian start, ρ0, u0 and θ0 depending on y as they may,
 
     f(x, v, t) = ∫ρ0(y) exp(SΦ0(y)) N2(x, v | y) dy / E(x),    E(x) = exp(SΦ(x, t)) = ∫exp(SΦ0(y)) φ(ξ) (-dξ/dy) dy,
 
@@ -12,15 +13,17 @@ Error: below 1e-13 of max f (tests/exact/test_exact.py).
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from kinetic_solver import initial
+from kinetic_solver.arrays import Array
 from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.homogeneous import start_state
 from kinetic_solver.output import MemoryRecorder
@@ -28,8 +31,6 @@ from kinetic_solver.scene import INELASTIC, Model, Modes, Scene, SceneError
 
 if TYPE_CHECKING:
     import xarray as xr
-
-Array = NDArray[np.float64]
 
 SIGMAS = 10.0
 """Starting points further than this many standard deviations from the weights' bulk are left out: exp(-50) = 2e-22."""
@@ -43,7 +44,9 @@ def solve(scene: Scene, x: ArrayLike | None = None, v: ArrayLike | None = None) 
     Raises SceneError for operator (12) and for a start from a file, which have no closed form.
     """
     if scene.operator == INELASTIC:
-        raise SceneError("collisions.operator = 'inelastic': has no closed form; allowed for the exact method: 'follow-the-leader', none")
+        raise SceneError(
+            "collisions.operator = 'inelastic': has no closed form; allowed for the exact method: 'follow-the-leader', none"
+        )
     if scene.initial.file is not None:
         raise SceneError("initial.file: has no closed form; the exact method starts from a Maxwellian")
     grid = _grid(scene, x, v)
@@ -204,8 +207,8 @@ class Solution:
         return math.pi / (9 * math.sqrt(precision) + 6 * k_max + 6 * self.scene.cross_section * self._rho_max)
 
     def _nodes(self, low: float, high: float, spacing: float) -> tuple[Array, Array]:
-        """Nodes and weights in y: the trapezoidal rule (spectrally accurate: the integrand is smooth and vanishes at both ends), or,
-        with a density step, Gauss-Legendre panels between the jumps."""
+        """Nodes and weights in y: the trapezoidal rule (spectrally accurate: the integrand is smooth and vanishes at both
+        ends), or, with a density step, Gauss-Legendre panels between the jumps."""
         step, length = self.scene.initial.step, self.scene.pipe.length
         if step is None:
             count = math.ceil((high - low) / spacing)
@@ -215,7 +218,7 @@ class Solution:
         edges = np.unique(np.concatenate([[low, high], jumps[(jumps > low) & (jumps < high)]]))
         abscissae, gauss = np.polynomial.legendre.leggauss(20)
         nodes, weights = [], []
-        for a, z in zip(edges[:-1], edges[1:], strict=True):
+        for a, z in itertools.pairwise(edges):
             panels = max(1, math.ceil((z - a) / (10 * spacing)))
             half = (z - a) / panels / 2
             centres = a + half * (2 * np.arange(panels) + 1)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from kinetic_solver.arrays import Array
 
 
 def wavenumbers(nx: int, length: float) -> Array:

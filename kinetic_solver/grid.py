@@ -6,11 +6,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from kinetic_solver.arrays import Array
 from kinetic_solver.fourier import wavenumbers
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

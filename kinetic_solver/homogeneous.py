@@ -1,7 +1,7 @@
 """Homogeneous stationary states, and the state that a scene starts from.
 
-For (6) and without collisions the state is a Gaussian in closed form. For (12) it is not Gaussian and is solved for: up to the velocity
-scale √σ it depends on ε and the collision number R* alone.
+For (6) and without collisions the state is a Gaussian in closed form. For (12) it is not Gaussian and is solved for: up to
+the velocity scale √σ it depends on ε and the collision number R* alone.
 """
 
 from __future__ import annotations
@@ -11,11 +11,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from kinetic_solver.arrays import Array
 from kinetic_solver.scene import INELASTIC, Scene
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -41,7 +39,8 @@ def homogeneous_state(scene: Scene) -> HomogeneousState | None:
         return None
     rate = scene.cross_section * scene.initial.density
     if scene.operator == INELASTIC:
-        assert scene.collisions is not None and scene.collisions.restitution is not None
+        assert scene.collisions is not None
+        assert scene.collisions.restitution is not None
         theta, a2, distance = _inelastic(scene.collisions.restitution, rate * math.sqrt(sigma) / gamma)
         return HomogeneousState(g / gamma, theta * sigma, a2, rate * distance * math.sqrt(sigma))
     drag = rate * sigma if scene.operator else 0.0

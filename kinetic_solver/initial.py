@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from kinetic_solver.arrays import Array
 from kinetic_solver.scene import Scene, SceneError, fourier_sum
-
-Array = NDArray[np.float64]
 
 
 def density(scene: Scene, x: ArrayLike) -> Array:

@@ -17,14 +17,13 @@ from collections import OrderedDict
 import numpy as np
 from numpy.typing import NDArray
 
+from kinetic_solver.arrays import Array
 from kinetic_solver.fourier import RealTransform
 from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.scene import Model
 from kinetic_solver.transport import shift_phases
 from kinetic_solver.velocity import DriftDiffusion
 from kinetic_solver.velocity.ornstein_uhlenbeck import excess_displacement, half_transport_time
-
-Array = NDArray[np.float64]
 
 
 class LinearStep:

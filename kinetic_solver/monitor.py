@@ -5,14 +5,12 @@ from __future__ import annotations
 import warnings
 
 import numpy as np
-from numpy.typing import NDArray
 
+from kinetic_solver.arrays import Array
 from kinetic_solver.moments import moments
 from kinetic_solver.plan import Plan
 from kinetic_solver.scene import FOLLOW_LEADER
 from kinetic_solver.velocity.ornstein_uhlenbeck import transition
-
-Array = NDArray[np.float64]
 
 UNRESOLVED = 0.5
 """dv²|∂²f/∂v²|/max f at which a peak counts as unresolved: a Gaussian whose standard deviation is 1.4 dv."""
@@ -57,8 +55,8 @@ class Monitor:
         }
         if values["velocity_curvature"] > UNRESOLVED:
             raise SolverStopped(
-                f"t = {time:.6g}: the velocity distribution has become narrower than 1.4 dv = {1.4 * grid.dv:.3g} and is no longer "
-                "resolved; raise grid.nv, narrow grid.velocity_window, or end the run earlier"
+                f"t = {time:.6g}: the velocity distribution has become narrower than 1.4 dv = {1.4 * grid.dv:.3g} and is no "
+                "longer resolved; raise grid.nv, narrow grid.velocity_window, or end the run earlier"
             )
         low, high = values["edge_error_low"], values["edge_error_high"]
         self._bound(
@@ -99,7 +97,7 @@ class Monitor:
         return float(np.nan_to_num(amplified, nan=0.0, posinf=np.inf).max())
 
     def _spectral_tail(self, f: Array) -> float:
-        """The largest |f_k(v)| in the highest eighth of wavenumbers over the largest of all (collisional, nx > 8: modes couple)."""
+        """The largest |f_k(v)| in the highest eighth of wavenumbers over the largest of all; 0 where modes do not couple."""
         if self.plan.grid.nx < 8 or self.plan.scene.operator is None:
             return 0.0
         amplitude = np.abs(np.fft.rfft(f, axis=0)).max(axis=1)

@@ -265,7 +265,6 @@ def open_run(path: str | Path) -> xr.Dataset:
     return dataset
 
 
-
 def write_dataset(dataset: xr.Dataset, path: str | Path, overwrite: bool = False) -> None:
     """Write a whole dataset in the format of `NetCDFRecorder`, through a temporary file: all of it or nothing."""
     path = Path(path)
@@ -273,7 +272,7 @@ def write_dataset(dataset: xr.Dataset, path: str | Path, overwrite: bool = False
         raise SceneError(f"{path}: exists already; use --overwrite to replace it, or name another file with -o")
     part = path.with_name(path.name + ".part")
     try:
-        dataset.to_netcdf(part, format="NETCDF3_64BIT_DATA", engine="netcdf4", unlimited_dims=["time"])
+        dataset.to_netcdf(part, format="NETCDF3_64BIT_DATA", engine="netcdf4", unlimited_dims=["time"])  # type: ignore[call-overload]
         part.replace(path)
     except OSError as error:
         raise SceneError(f"{path}: cannot be created ({error.strerror})") from None

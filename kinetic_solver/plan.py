@@ -1,4 +1,4 @@
-"""What a run will use, decided before it starts: grid, window, step, schemes, memory. The rules are explained in docs/accuracy.md.
+"""What a run will use, decided before it starts: grid, window, step, schemes, memory. Rules: docs/accuracy.md.
 
 Each rule bounds one error by a share of rtol and says so in `Plan.reasons`; constants marked "measured" come from the sweeps
 in benchmarks/accuracy_rules.py against the exact solution, with a safety factor.
@@ -11,16 +11,14 @@ import os
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from kinetic_solver import initial
+from kinetic_solver.arrays import Array
 from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.homogeneous import homogeneous_state, start_state
 from kinetic_solver.scene import FOLLOW_LEADER, INELASTIC, Scene, SceneError
 from kinetic_solver.velocity.kernel import resolved_spacing
 from kinetic_solver.velocity.ornstein_uhlenbeck import transition
-
-Array = NDArray[np.float64]
 
 # C's max error is coefficient·(dv/√θ)^order·max C for a Maxwellian (tests/invariants/test_collisions.py, measured).
 DEPOSIT_ERROR = {"linear": (0.05, 2), "cubic": (0.03, 4), "quintic": (0.02, 6)}
@@ -78,9 +76,7 @@ def make_plan(scene: Scene) -> Plan:
     nv = scene.grid.nv or rules.nv(window, time_step, deposit)
     nx = scene.grid.nx or rules.nx()
     grid = PhaseSpaceGrid(nx, nv, scene.pipe.length, *window)
-    plan = Plan(
-        scene, grid, time_step, rules.drift_diffusion(grid, time_step), deposit, reasons
-    )
+    plan = Plan(scene, grid, time_step, rules.drift_diffusion(grid, time_step), deposit, reasons)
     _check_memory(plan)
     return plan
 
@@ -139,7 +135,7 @@ class _Rules:
         return name
 
     def rate(self) -> float:
-        """The fastest rate at which the split parts of (2) fail to commute: γ, collisions, and transport across the shortest wave."""
+        """The fastest rate at which the split parts of (2) fail to commute: γ, collisions, transport across a wave."""
         thermal = math.sqrt(self.theta_max)
         collisions = self.scene.cross_section * self.rho_max * thermal
         k = 2 * math.pi / self.scene.pipe.length * self.initial_modes()
@@ -239,7 +235,9 @@ class _Rules:
         scene = self.scene
         if scene.model.friction * scene.model.noise == 0:
             if scene.grid.drift_diffusion == "finite-volume":
-                raise SceneError("grid.drift_diffusion = 'finite-volume': needs friction > 0 and noise > 0; allowed here: 'kernel'")
+                raise SceneError(
+                    "grid.drift_diffusion = 'finite-volume': needs friction > 0 and noise > 0; allowed here: 'kernel'"
+                )
             return "kernel"
         if scene.grid.drift_diffusion:
             return scene.grid.drift_diffusion

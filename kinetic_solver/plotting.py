@@ -9,14 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from kinetic_solver.arrays import Array
 from kinetic_solver.scene import SceneError
 
 if TYPE_CHECKING:
     import xarray as xr
-
-Array = NDArray[np.float64]
 
 
 def overview(dataset: xr.Dataset, times: Sequence[float] | None = None) -> Figure:
@@ -59,7 +57,7 @@ def _title(dataset: xr.Dataset) -> str:
     if scene.collisions is None:
         parts.append("no collisions")
     else:
-        kind = scene.collisions.operator
+        kind: str = scene.collisions.operator
         if scene.collisions.restitution is not None:
             kind += f", ε = {scene.collisions.restitution:g}"
         parts.append(kind)

@@ -15,8 +15,10 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from kinetic_solver.arrays import Array
 
 FOLLOW_LEADER = "follow-the-leader"
 INELASTIC = "inelastic"
@@ -71,11 +73,9 @@ class Collisions(_Table):
     @model_validator(mode="after")
     def _restitution_belongs_to_inelastic(self) -> Collisions:
         if self.operator == INELASTIC and self.restitution is None:
-            raise ValueError("restitution is missing; operator \"inelastic\" needs a number from 0 to 1")
+            raise ValueError('restitution is missing; operator "inelastic" needs a number from 0 to 1')
         if self.operator == FOLLOW_LEADER and self.restitution is not None:
-            raise ValueError(
-                f"restitution = {self.restitution} is given, but operator \"follow-the-leader\" has none; remove it"
-            )
+            raise ValueError(f'restitution = {self.restitution} is given, but operator "follow-the-leader" has none; remove it')
         return self
 
 
@@ -109,7 +109,7 @@ class Step(_Table):
 Modes = tuple[Mode, ...]
 
 
-def fourier_sum(modes: Modes, x: ArrayLike, length: float) -> NDArray[np.float64]:
+def fourier_sum(modes: Modes, x: ArrayLike, length: float) -> Array:
     """Σ cos·cos(2π mode x/L) + sin·sin(2π mode x/L), with the shape of `x`."""
     x = np.asarray(x, dtype=float)
     total = np.zeros(x.shape)
@@ -309,7 +309,7 @@ class Scene(_Table):
     def output_every(self) -> float:
         return self.run.output_every or self.run.end_time
 
-    def times(self, cadence: bool | float = True) -> NDArray[np.float64]:
+    def times(self, cadence: bool | float = True) -> Array:
         """Frame times: 0, every cadence, and end_time; empty for False."""
         if cadence is False:
             return np.empty(0)
@@ -335,7 +335,7 @@ def _set_dotted(data: dict[str, Any], dotted: str, value: Any) -> None:
 
 
 def parse_override(text: str) -> tuple[str, Any]:
-    """"a.b=value", with the value in TOML ("0.5", "true", "[1, 2]"); a bare word is taken as text."""
+    """ "a.b=value", with the value in TOML ("0.5", "true", "[1, 2]"); a bare word is taken as text."""
     key, separator, raw = text.partition("=")
     if not separator or not key.strip():
         raise SceneError(f"--set {text!r}: expected a.b=value")

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from kinetic_solver import initial
+from kinetic_solver.arrays import Array
 from kinetic_solver.budgets import Ledger
 from kinetic_solver.collisions.protocol import CollisionOperator
 from kinetic_solver.grid import PhaseSpaceGrid
@@ -24,8 +25,6 @@ from kinetic_solver.velocity import DriftDiffusion, FiniteVolume, OrnsteinUhlenb
 
 if TYPE_CHECKING:
     import xarray as xr
-
-Array = NDArray[np.float64]
 Progress = Callable[[float, int, int], None]
 """Called as progress(time, step, total steps)."""
 
@@ -61,7 +60,8 @@ def collision_operator(plan: Plan) -> CollisionOperator | None:
 
     if scene.operator == FOLLOW_LEADER:
         return FollowLeader(plan.grid.v, scene.collisions.cross_section)
-    assert plan.deposit is not None and scene.collisions.restitution is not None
+    assert plan.deposit is not None
+    assert scene.collisions.restitution is not None
     return Inelastic(plan.grid.v, scene.collisions.cross_section, scene.collisions.restitution, plan.deposit)
 
 
@@ -92,8 +92,7 @@ def integrate(plan: Plan, recorder: Recorder, progress: Progress | None = None) 
     f = initial_state(scene, grid)
     ledger = Ledger(grid, scene.model, f) if scene.output.budgets is not False else None
     frames = Frames(plan, recorder, operator, ledger)
-    diagnostics = monitor.check(f, 0.0)
-    frames.write(0.0, f, diagnostics)
+    frames.write(0.0, f, monitor.check(f, 0.0))
 
     def collide(f: Array, h: float) -> Array:
         assert operator is not None
@@ -108,34 +107,32 @@ def integrate(plan: Plan, recorder: Recorder, progress: Progress | None = None) 
             ledger.linear(f, h)
         return f
 
-    times = frame_times(scene)
-    step, total = 0, plan.total_steps
-    for start, end in zip(times[:-1], times[1:], strict=True):
-        interval, steps = float(end - start), plan.steps(float(end - start))
+    done, total = 0, plan.total_steps
+    for start, end in itertools.pairwise(frame_times(scene).tolist()):
+        steps = plan.steps(end - start)
         if operator is None:
-            f = drift(f, interval)
-            step += 1
+            f = drift(f, end - start)
         else:
-            for n, (f, _) in enumerate(strang(collide, drift, f, interval, steps), start=1):
-                step += 1
-                now = float(start) + interval * n / steps
+
+            def observe(f: Array, n: int, start: float = start, end: float = end, steps: int = steps, done: int = done) -> None:
+                now = start + (end - start) * n / steps
                 monitor.finite(f, now)
                 if n % CHECK_EVERY == 0:
                     monitor.check(f, now)
                 if progress is not None:
-                    progress(now, step, total)
-        diagnostics = monitor.check(f, float(end))
-        frames.write(float(end), f, diagnostics)
+                    progress(now, done + n, total)
+
+            f = strang(collide, drift, f, end - start, steps, observe)
+        done += steps
+        frames.write(end, f, monitor.check(f, end))
         if progress is not None:
-            progress(float(end), step, total)
+            progress(end, done, total)
 
 
 class Frames:
     """Computes, at each time, what `[output]` asks for then, and nothing else."""
 
-    def __init__(
-        self, plan: Plan, recorder: Recorder, operator: CollisionOperator | None, ledger: Ledger | None
-    ) -> None:
+    def __init__(self, plan: Plan, recorder: Recorder, operator: CollisionOperator | None, ledger: Ledger | None) -> None:
         self.plan, self.recorder, self.operator, self.ledger = plan, recorder, operator, ledger
         output = plan.scene.output
         self._due = {group: plan.scene.times(getattr(output, group)) for group in type(output).model_fields}

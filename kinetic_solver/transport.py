@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from kinetic_solver.arrays import Array
 from kinetic_solver.grid import PhaseSpaceGrid
-
-Array = NDArray[np.float64]
 
 
 def shift_phases(grid: PhaseSpaceGrid, displacement: Array) -> NDArray[np.complex128]:

@@ -8,7 +8,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from kinetic_solver.arrays import Array
 
 POINTS = {"linear": 2, "cubic": 4, "quintic": 6}
 
@@ -17,8 +17,9 @@ class Inelastic:
     """C[f] on a uniform velocity grid: pairs at distance m·dv deposit their products at places that depend on m alone.
 
     `deposit` is the Lagrange stencil of the products: "linear" (2 points, positive, error O(dv²)), "cubic" (4, O(dv⁴)) or
-    "quintic" (6, O(dv⁶), with the Euler-Maclaurin correction for the kink of |v - v'| at 0). All conserve mass and momentum to round-off; ε = 1 gives exactly zero. A pair so near
-    the window's edge that its stencil would leave the window is deposited linearly, which conserves as well.
+    "quintic" (6, O(dv⁶), with the Euler-Maclaurin correction for the kink of |v - v'| at 0). All conserve mass and momentum
+    to round-off; ε = 1 gives exactly zero. A pair so near the window's edge that its stencil would leave the window is
+    deposited linearly, which conserves as well.
     Cost: O(nv²) per x. Tests: tests/invariants/test_collisions.py.
     """
 

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from typing import Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
+from kinetic_solver.arrays import Array
 
 
 class CollisionOperator(Protocol):
     """C[f] on velocity points, local in x; f has shape (nx, nv), v contiguous, and holds point values."""
 
-    name: str
-    conserves: tuple[str, ...]
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def conserves(self) -> tuple[str, ...]:
+        """Which of "mass", "momentum", "energy" it leaves alone at every x."""
+        ...
 
     def rate(self, f: Array) -> Array:
         """C[f] = ∂f/∂t by collisions."""

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 
+from kinetic_solver.arrays import Array
 from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.scene import Model
-
-Array = NDArray[np.float64]
 
 
 class FiniteVolume:
@@ -67,9 +65,7 @@ class FiniteVolume:
 
     def generator(self) -> sparse.csr_array:
         """A, with df/dt = A f; its columns sum to 0."""
-        return sparse.diags_array(
-            [self._up[:-1], -(self._up + self._down), self._down[1:]], offsets=[-1, 0, 1], format="csr"
-        )
+        return sparse.diags_array([self._up[:-1], -(self._up + self._down), self._down[1:]], offsets=[-1, 0, 1], format="csr")
 
     def matrix(self, h: float) -> Array:
         outflow = self._up + self._down
@@ -77,9 +73,7 @@ class FiniteVolume:
         squarings = max(0, int(np.ceil(np.log2(max(shift * h, 1.0)))))
         tau = h / 2**squarings
         # exp(τA) = exp(-τ shift) exp(τ(A + shift)): A + shift has no negative entry, so the series only adds.
-        positive = sparse.diags_array(
-            [self._up[:-1], shift - outflow, self._down[1:]], offsets=[-1, 0, 1], format="csr"
-        )
+        positive = sparse.diags_array([self._up[:-1], shift - outflow, self._down[1:]], offsets=[-1, 0, 1], format="csr")
         term = np.eye(self.grid.nv)
         kernel = term.copy()
         for n in range(1, 22):  # the remainder is below (τ shift)^22/22! <= 1e-21

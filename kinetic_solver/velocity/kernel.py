@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from kinetic_solver.arrays import Array
 from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.scene import Model
 from kinetic_solver.velocity.ornstein_uhlenbeck import transition
-
-Array = NDArray[np.float64]
 
 RESOLVED = 1.4
 """The kernel's width s in units of dv from which the trapezoidal rule integrates it to round-off: 2 exp(-2π² 1.4²) = 3e-17."""

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
-import numpy as np
-from numpy.typing import NDArray
+from kinetic_solver.arrays import Array
 
 
 class DriftDiffusion(Protocol):
@@ -13,6 +12,6 @@ class DriftDiffusion(Protocol):
 
     name: str
 
-    def matrix(self, h: float) -> NDArray[np.float64]:
+    def matrix(self, h: float) -> Array:
         """K(h), shape (nv, nv): f(v_i) after h is Σ_j K_ij f(v_j). Every column sums to 1: mass is conserved."""
         ...

@@ -11,6 +11,7 @@ import pytest
 
 ROOT = Path(__file__).parents[2] / "kinetic_solver"
 LAYERS = [
+    {"arrays"},
     {"scene"},
     {"initial", "fourier"},
     {"grid"},
@@ -21,7 +22,7 @@ LAYERS = [
     {"solver", "exact", "describe", "info", "plotting"},
     {"cli"},
 ]
-INDEPENDENT = {"exact": {"scene", "initial", "homogeneous", "output", "grid"}, "stability": {"scene"}}
+INDEPENDENT = {"exact": {"arrays", "scene", "initial", "homogeneous", "output", "grid"}, "stability": {"scene"}}
 
 
 def imports(path: Path) -> set[str]:

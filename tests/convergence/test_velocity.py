@@ -21,9 +21,7 @@ def error(scheme: type, nv: int, h: float) -> float:
         return np.exp(-((grid.v - m) ** 2) / (2 * s)) / np.sqrt(2 * np.pi * s)
 
     after = scheme(grid, MODEL).matrix(h) @ gaussian(mean, variance)
-    expected = gaussian(
-        step.velocity_shift + step.decay * mean, step.decay**2 * variance + step.velocity_variance
-    )
+    expected = gaussian(step.velocity_shift + step.decay * mean, step.decay**2 * variance + step.velocity_variance)
     return float(np.abs(after - expected).max() / expected.max())
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable
 
@@ -227,7 +228,7 @@ def test_density_integral_and_pointwise_conventions(make_scene: MakeScene) -> No
             places = sorted({0.0, a, *(j for n in range(-3, 4) for j in (9 * (n + 0.2), 9 * (n + 0.5)))})
             inside = [p for p in places if min(a, 0) <= p <= max(a, 0)]
             total = sum(quad(lambda y, s=s: float(initial.density(s, y)), p, q, epsrel=1e-12)[0]
-                        for p, q in zip(inside[:-1], inside[1:], strict=True))  # fmt: skip
+                        for p, q in itertools.pairwise(inside))  # fmt: skip
             assert float(initial.density_integral(s, a)) == pytest.approx(math.copysign(total, a), rel=1e-10)
     k = 2 * math.pi / 9
     assert float(initial.mean_velocity(scene, 2.0, 0.5)) == pytest.approx(

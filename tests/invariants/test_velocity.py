@@ -63,9 +63,7 @@ def test_tails_are_accurate_relative_to_themselves() -> None:
     h, mean, variance = 0.4, 1.0, 0.5
     matrix = OrnsteinUhlenbeckKernel(wide, MODEL).matrix(h)
     step = transition(MODEL, h)
-    expected = maxwellian(
-        wide.v, step.velocity_shift + step.decay * mean, step.decay**2 * variance + step.velocity_variance
-    )
+    expected = maxwellian(wide.v, step.velocity_shift + step.decay * mean, step.decay**2 * variance + step.velocity_variance)
     after = matrix @ maxwellian(wide.v, mean, variance)
     seen = (expected > 1e-30) & (np.abs(wide.v - 1.5) < 9)
     assert expected[seen].min() < 1e-25
