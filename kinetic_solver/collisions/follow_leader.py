@@ -7,6 +7,9 @@ import numpy as np
 
 from kinetic_solver.arrays import Array
 
+LARGEST_EXPONENT = 500.0
+"""Below log of the largest double, 709."""
+
 
 class FollowLeader:
     """Conserves mass at every x; takes momentum at the rate S ρ²θ (8). The substep is exact in time and positive.
@@ -35,23 +38,32 @@ class FollowLeader:
 @numba.njit(parallel=True, cache=True)
 def _substep(f: Array, v: Array, s: float) -> Array:
     nx, nv = f.shape
-    out = np.empty_like(f)
+    out = f.copy()
     for i in numba.prange(nx):
+        row = out[i]
         total = 0.0
-        flux = 0.0
         for j in range(nv):
-            total += f[i, j]
-            flux += f[i, j] * v[j]
-        if total == 0.0:
-            out[i] = f[i]
-            continue
-        # About the mean velocity the exponent is small where f is large.
-        mean = flux / total
-        new = 0.0
-        for j in range(nv):
-            out[i, j] = f[i, j] * np.exp(-s * total * (v[j] - mean))
-            new += out[i, j]
-        scale = total / new
-        for j in range(nv):
-            out[i, j] *= scale
+            total += row[j]
+        # One piece, unless exp would overflow; pieces compose exactly.
+        pieces = 1 + int(abs(s * total) * (v[-1] - v[0]) / LARGEST_EXPONENT)
+        for _ in range(pieces):
+            _tilt(row, v, s * total / pieces, total)
     return out
+
+
+@numba.njit(cache=True)
+def _tilt(row: Array, v: Array, a: float, total: float) -> None:
+    """row ∝ row exp(-a v), with the same sum."""
+    if total == 0.0:
+        return
+    flux = 0.0
+    for j in range(v.size):
+        flux += row[j] * v[j]
+    mean = flux / total  # about the mean velocity the exponent is small where f is large
+    new = 0.0
+    for j in range(v.size):
+        row[j] *= np.exp(-a * (v[j] - mean))
+        new += row[j]
+    scale = total / new
+    for j in range(v.size):
+        row[j] *= scale

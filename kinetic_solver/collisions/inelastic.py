@@ -61,6 +61,8 @@ class Inelastic:
 
         As many stages as make every Euler stage a positive step (with the linear deposit), whatever dt.
         """
+        if self.restitution == 1:
+            return f
         stages = max(2, 1 + math.ceil(dt * self.collision_frequency_max(f)))
         u = f
         for _ in range(stages - 1):

@@ -1,0 +1,103 @@
+"""Homogeneous stationary states: known numbers, scaling, and the grid solver's own relaxation to them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from kinetic_solver import solve
+from kinetic_solver.homogeneous import homogeneous_state, start_state
+from kinetic_solver.scene import Scene
+
+MakeScene = Callable[..., Scene]
+UNIT = {"gravity": 0.0, "friction": 1.0, "noise": 1.0}
+
+# (ε, Sρ) at γ = σ = 1: θ and a2 = ⟨w⁴⟩/(3θ²) - 1, from two independent computations.
+KNOWN = {
+    (0.0, 1.0): (0.68043451, 0.04815877),
+    (0.5, 1.0): (0.7332962323, 0.0199397),
+    (0.5, 1.347): (0.679406, 0.023459),
+    (0.5, 10.0): (0.299769, 0.044325),
+    (0.9, 100.0): (0.181439, -0.061548),
+}
+
+
+def inelastic(restitution: float, rate: float, **changes: object) -> dict[str, object]:
+    table = {"operator": "inelastic", "cross_section": rate, "restitution": restitution}
+    return {"collisions": table, "initial": {"density": 1.0, "modes": []}, "model": UNIT, **changes}
+
+
+@pytest.mark.parametrize(("restitution", "rate"), KNOWN)
+def test_known_states_of_operator_12(make_scene: MakeScene, restitution: float, rate: float) -> None:
+    theta, a2 = KNOWN[restitution, rate]
+    digits = 1e-8 if rate == 1.0 else 1e-6  # as many as are known
+    state = homogeneous_state(make_scene(**inelastic(restitution, rate)))
+    assert state is not None
+    assert state.temperature == pytest.approx(theta, abs=digits)
+    assert state.kurtosis_excess == pytest.approx(a2, abs=max(digits, 1e-7))
+
+
+def test_collision_rate_of_operator_12(make_scene: MakeScene) -> None:
+    state = homogeneous_state(make_scene(**inelastic(0.5, 1.0)))
+    assert state is not None
+    assert state.collision_rate == pytest.approx(0.965047, abs=2e-6)
+
+
+def test_only_two_groups_matter(make_scene: MakeScene) -> None:
+    """θ/σ and a2 depend on ε and R* alone; the mean is g/γ; the collision rate scales with γ."""
+    gamma, sigma, g = 0.7, 0.5, 1.3
+    rate = gamma / math.sqrt(sigma) / 0.8  # R* = 1 at density 0.8
+    scene = make_scene(
+        collisions={"operator": "inelastic", "cross_section": rate, "restitution": 0.5}, initial={"density": 0.8, "modes": []}
+    )
+    state, unit = homogeneous_state(scene), homogeneous_state(make_scene(**inelastic(0.5, 1.0)))
+    assert state is not None
+    assert unit is not None
+    assert scene.groups.collision_number == pytest.approx(1.0, rel=1e-14)
+    assert state.mean_velocity == pytest.approx(g / gamma)
+    assert state.temperature == pytest.approx(sigma * unit.temperature, rel=1e-10)
+    assert state.kurtosis_excess == pytest.approx(unit.kurtosis_excess, abs=1e-10)
+    assert state.collision_rate == pytest.approx(gamma * unit.collision_rate, rel=1e-10)
+
+
+def test_operator_6_and_no_collisions_are_gaussian(make_scene: MakeScene) -> None:
+    follow = homogeneous_state(make_scene(collisions={"operator": "follow-the-leader", "cross_section": 1.7}))
+    free = homogeneous_state(make_scene())
+    assert follow is not None
+    assert free is not None
+    assert (follow.temperature, follow.kurtosis_excess) == (free.temperature, free.kurtosis_excess) == (0.5, 0.0)
+    assert follow.mean_velocity == pytest.approx((1.3 - 1.7 * 0.8 * 0.5) / 0.7)
+    assert free.mean_velocity == pytest.approx(1.3 / 0.7)
+
+
+def test_where_there_is_no_stationary_state(make_scene: MakeScene) -> None:
+    scene = make_scene(model={"gravity": 1.3, "friction": 0.7, "noise": 0.0})
+    assert homogeneous_state(scene) is None
+    assert start_state(scene) == (1.3 / 0.7, 1.0)
+    assert start_state(make_scene(model={"friction": 0.0})) == (0.0, 0.5)
+
+
+@pytest.mark.parametrize("restitution", [0.0, 0.5])
+def test_the_grid_solver_relaxes_to_it(make_scene: MakeScene, restitution: float) -> None:
+    """From a cold Maxwellian over 25/γ, by the time-dependent solver, which shares only the quadrature of C."""
+    theta, a2 = KNOWN[restitution, 1.0]
+    scene = make_scene(
+        **inelastic(restitution, 1.0, run={"end_time": 25.0}, accuracy={"rtol": 1e-7}, output={"f": False, "budgets": False}),
+        grid={"nv": 160, "velocity_window": (-7.5, 7.5), "deposit": "quintic", "time_step": 0.05},
+    )
+    errors = []
+    for step in (0.05, 0.025, 0.0125):
+        final = solve(scene.model_copy(update={"grid": scene.grid.model_copy(update={"time_step": step})})).isel(time=-1)
+        v, w = final["v"].values, final["velocity_distribution"].values
+        mean = w @ v / w.sum()
+        variance = w @ (v - mean) ** 2 / w.sum()
+        kurtosis = w @ (v - mean) ** 4 / w.sum() / (3 * variance**2) - 1
+        errors.append([variance - theta, kurtosis - a2])
+    h2, h1, h0 = np.array(errors)
+    assert h1 / h0 == pytest.approx(4.0, rel=0.02)  # Strang's second order
+    # The error is even in h: Romberg's table takes its h² and h⁴ away.
+    first, second = (4 * h1 - h2) / 3, (4 * h0 - h1) / 3
+    assert np.abs((16 * second - first) / 15).max() < 1e-7
