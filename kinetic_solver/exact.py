@@ -75,7 +75,11 @@ def solve(scene: Scene, x: ArrayLike | None = None, v: ArrayLike | None = None) 
             }
         recorder.record(float(time), frame)
     recorder.close()
-    return recorder.dataset()
+    dataset = recorder.dataset()
+    for name, points in (("x", x), ("v", v)):
+        if points is not None:  # bit for bit as given: xarray aligns equal coordinates only
+            dataset = dataset.assign_coords({name: (name, np.asarray(points, dtype=float), dataset[name].attrs)})
+    return dataset
 
 
 @dataclass(frozen=True)
@@ -258,19 +262,27 @@ def _derivative(modes: Modes, y: Array, length: float) -> Array:
 
 def _grid(scene: Scene, x: ArrayLike | None, v: ArrayLike | None) -> PhaseSpaceGrid:
     nx = np.size(x) if x is not None else scene.grid.nx or (1 if scene.homogeneous else 64)
+    nv = np.size(v) if v is not None else scene.grid.nv or 128
     if v is not None:
         points = np.asarray(v, float)
-        half = (points[1] - points[0]) / 2
-        return PhaseSpaceGrid(nx, points.size, scene.pipe.length, float(points[0] - half), float(points[-1] + half))
-    nv = scene.grid.nv or 128
-    if scene.grid.velocity_window is not None:
-        return PhaseSpaceGrid(nx, nv, scene.pipe.length, *scene.grid.velocity_window)
-    start, end = Solution(scene, 0.0), Solution(scene, scene.run.end_time)
+        half = (points[-1] - points[0]) / (nv - 1) / 2
+        low, high = float(points[0] - half), float(points[-1] + half)
+    else:
+        low, high = scene.grid.velocity_window or _window(scene)
+    grid = PhaseSpaceGrid(nx, nv, scene.pipe.length, low, high)
+    for name, given, points in (("x", x, grid.x), ("v", v, grid.v)):
+        if given is not None and not np.allclose(given, points, rtol=1e-9, atol=1e-9 * (points[-1] - points[0])):
+            raise ValueError(f"{name} must be uniform" + (" over one period, from 0" if name == "x" else ""))
+    return grid
+
+
+def _window(scene: Scene) -> tuple[float, float]:
+    """Six standard deviations about every mean velocity at the start and at the end."""
     points = scene.pipe.length * np.arange(64) / 64
     means, spreads = [], []
-    for state in (start, end):
-        _, u, theta, _ = state.moments(points)
+    for time in (0.0, scene.run.end_time):
+        _, u, theta, _ = Solution(scene, time).moments(points)
         means += [u.min(), u.max()]
         spreads.append(theta.max())
     reach = 6 * math.sqrt(max(spreads))
-    return PhaseSpaceGrid(nx, nv, scene.pipe.length, float(min(means)) - reach, float(max(means)) + reach)
+    return float(min(means)) - reach, float(max(means)) + reach

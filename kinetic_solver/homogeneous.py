@@ -14,6 +14,7 @@ import numpy as np
 
 from kinetic_solver.arrays import Array
 from kinetic_solver.scene import INELASTIC, Scene
+from kinetic_solver.threads import one_blas_thread
 
 
 @dataclass(frozen=True)
@@ -41,7 +42,8 @@ def homogeneous_state(scene: Scene) -> HomogeneousState | None:
     if scene.operator == INELASTIC:
         assert scene.collisions is not None
         assert scene.collisions.restitution is not None
-        theta, a2, distance = _inelastic(scene.collisions.restitution, rate * math.sqrt(sigma) / gamma)
+        with one_blas_thread():
+            theta, a2, distance = _inelastic(scene.collisions.restitution, rate * math.sqrt(sigma) / gamma)
         return HomogeneousState(g / gamma, theta * sigma, a2, rate * distance * math.sqrt(sigma))
     drag = rate * sigma if scene.operator else 0.0
     return HomogeneousState((g - drag) / gamma, sigma, 0.0, rate * 2 * math.sqrt(sigma / math.pi))

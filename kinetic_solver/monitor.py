@@ -64,9 +64,14 @@ class Monitor:
             f"f at the {'lower' if low > high else 'upper'} edge of the velocity window spoils {max(low, high):.2g} of max f; "
             "widen grid.velocity_window",
         )  # fmt: skip
+        # Transport in x, and the deposits of (12) above the linear one, are the two that are not positive.
+        finer = [] if grid.nx == 1 else ["nx"]
+        if self.plan.deposit not in (None, "linear") or not finer:
+            finer.append("nv")
         self._bound(
-            "nx", -values["minimum_of_f"], given.nx is not None, time,
-            f"f has become negative by {-values['minimum_of_f']:.2g} of its maximum; raise grid.nx",
+            "negative", -values["minimum_of_f"], any(getattr(given, name) is not None for name in finer), time,
+            f"f has become negative by {-values['minimum_of_f']:.2g} of its maximum; raise "
+            + " and ".join(f"grid.{name}" for name in finer),
         )  # fmt: skip
         self._bound(
             "spectral_tail", values["spectral_tail"], given.nx is not None, time,

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import os
+import warnings
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -18,10 +19,10 @@ from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.homogeneous import homogeneous_state, start_state
 from kinetic_solver.scene import FOLLOW_LEADER, INELASTIC, Scene, SceneError
 from kinetic_solver.velocity.kernel import resolved_spacing
-from kinetic_solver.velocity.ornstein_uhlenbeck import transition
+from kinetic_solver.velocity.ornstein_uhlenbeck import half_transport_time, transition
 
-# C's max error is coefficient·(dv/√θ)^order·max C for a Maxwellian (tests/invariants/test_collisions.py, measured).
 DEPOSIT_ERROR = {"linear": (0.05, 2), "cubic": (0.03, 4), "quintic": (0.02, 6)}
+"""Measured, times a safety factor of 1.3 to 3: max f error / max f <= coefficient·(dv/√θ)^order·max(1, Sρ√θ/γ)."""
 STRANG_ERROR = 0.015
 """Measured with (6), times a safety factor of 2.5: max f error / max f <= 0.015 exp(0.3 R_t) (rate·h)², R_t and rate below."""
 FINITE_VOLUME_ERROR = 0.05
@@ -155,18 +156,21 @@ class _Rules:
     def nv(self, window: tuple[float, float], time_step: float | None, deposit: str | None) -> int:
         """The coarsest dv that meets every bound."""
         scene, digits = self.scene, math.log(10 / self.rtol)
-        # A Gaussian of variance θ has the spectrum exp(-θq²/2): cut where it is rtol/10.
-        narrowest = math.sqrt(self.theta_min) * min(math.pi / math.sqrt(2 * digits), 0.5)
-        bounds = {"the narrowest velocity distribution": narrowest}
+        # A Gaussian of variance θ has the spectrum exp(-θq²/2): cut where it is rtol/10. The linear step moves waves
+        # exp(ikx) by τ before noise damps them (linear.py), which shifts their spectrum by kτ.
+        gaps = np.diff(frame_times(scene))
+        longest = float(gaps.max()) if time_step is None else min(float(gaps.max()), time_step)
+        k_max = 2 * math.pi / scene.pipe.length * self.initial_modes()
+        shift = k_max * half_transport_time(scene.model.friction, longest)
+        narrowest = math.sqrt(self.theta_min)
+        bounds = {
+            "the narrowest velocity distribution": min(math.pi / (math.sqrt(2 * digits) / narrowest + shift), narrowest / 2)
+        }
         if (q := self._phase_mixing()) > 0:
             bounds["phase mixing of the initial waves"] = math.pi / q
         if time_step is not None and scene.model.friction * scene.model.noise > 0:
             if scene.grid.drift_diffusion == "finite-volume":
-                r = self.amplification() if scene.operator == FOLLOW_LEADER else 1.0
-                gain = 1 + r**2 + r**3
-                bounds["the finite volumes' second-order error"] = math.sqrt(
-                    self.rtol * scene.model.noise / (FINITE_VOLUME_ERROR * gain)
-                )
+                bounds["the finite volumes' second-order error"] = math.sqrt(self.rtol / self.finite_volume_error())
             else:
                 shortest = _shortest_step(scene, time_step)
                 bounds["the Ornstein-Uhlenbeck kernel of one step"] = resolved_spacing(scene.model, shortest)
@@ -244,10 +248,25 @@ class _Rules:
         if time_step is None:
             return "kernel"
         h = _shortest_step(scene, time_step)
-        if grid.dv <= resolved_spacing(scene.model, h):
+        resolved = resolved_spacing(scene.model, h)
+        if grid.dv <= resolved:
             return "kernel"
-        self.reasons["drift_diffusion"] = f"dv = {grid.dv:.3g} is too coarse for the kernel of a step of {h:.3g}"
+        reason = f"dv = {grid.dv:.3g} is too coarse for the kernel of a step of {h:.3g}"
+        self.reasons["drift_diffusion"] = reason
+        error = self.finite_volume_error() * grid.dv**2
+        if error > self.rtol:
+            enough = math.ceil((grid.high - grid.low) / resolved)
+            warnings.warn(
+                f"{reason}: finite volumes are used, whose error is about {error:.1g} (accuracy.rtol = {self.rtol:g}); "
+                f"raise grid.nv to {enough} or lengthen grid.time_step for the exact kernel",
+                stacklevel=2,
+            )
         return "finite-volume"
+
+    def finite_volume_error(self) -> float:
+        """max f error / max f, over dv²."""
+        r = self.amplification() if self.scene.operator == FOLLOW_LEADER else 1.0
+        return FINITE_VOLUME_ERROR * (1 + r**2 + r**3) / self.scene.model.noise
 
 
 def _steps(interval: float, time_step: float) -> int:

@@ -10,7 +10,6 @@ from __future__ import annotations
 import difflib
 import math
 import tomllib
-import warnings
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -367,8 +366,3 @@ def one_line(error: ValidationError) -> str:
 
 def _is_union_branch(part: str) -> bool:
     return part.startswith(("constrained-", "function-", "bool", "float", "tuple["))
-
-
-def warn(message: str) -> None:
-    """A warning to the person who runs the scene, without a source line."""
-    warnings.warn(message, UserWarning, stacklevel=3)

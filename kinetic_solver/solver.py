@@ -21,6 +21,7 @@ from kinetic_solver.output import MemoryRecorder, Recorder
 from kinetic_solver.plan import Plan, frame_times, make_plan
 from kinetic_solver.scene import FOLLOW_LEADER, Scene
 from kinetic_solver.stepping import strang
+from kinetic_solver.threads import one_blas_thread
 from kinetic_solver.velocity import DriftDiffusion, FiniteVolume, OrnsteinUhlenbeckKernel
 
 if TYPE_CHECKING:
@@ -85,6 +86,11 @@ def initial_state(scene: Scene, grid: PhaseSpaceGrid) -> Array:
 
 def integrate(plan: Plan, recorder: Recorder, progress: Progress | None = None) -> None:
     """Run the time loop and hand each frame to `recorder` as soon as it exists."""
+    with one_blas_thread():
+        _integrate(plan, recorder, progress)
+
+
+def _integrate(plan: Plan, recorder: Recorder, progress: Progress | None) -> None:
     scene, grid = plan.scene, plan.grid
     operator = collision_operator(plan)
     linear = LinearStep(grid, scene.model, drift_diffusion(plan))

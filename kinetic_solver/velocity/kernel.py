@@ -21,10 +21,10 @@ def resolved_spacing(model: Model, h: float) -> float:
 class OrnsteinUhlenbeckKernel:
     """K_ij = dv N(v_i; m + (v_j - m)e, s²), the transition density of (1) at the velocity points.
 
-    Where dv resolves its width (`resolved_spacing`) the matrix is positive, accurate RELATIVE to f in the tails
-    (docs/theory.md: the follow-the-leader operator needs that), and scaled symmetrically, d_i K_ij d_j, so that every
-    column sums to 1 and detailed balance with the Maxwellian of variance σ stays exact: mass is conserved and the
-    equilibrium is stationary to round-off, the window's edges included. The factors d differ from 1 at the edges alone.
+    Where dv resolves its width (`resolved_spacing`) the matrix is positive and accurate RELATIVE to f in the tails
+    (docs/theory.md: the follow-the-leader operator needs that). What would leave the window stays in its cell, as in
+    Metropolis's rule: every column sums to 1 and detailed balance with the Maxwellian of variance σ is exact, so mass is
+    conserved and the equilibrium is stationary to round-off, the window's edges included.
 
     Where it does not (short steps, no noise), the kernel's band-limited form takes its place: exact for every f that
     the grid resolves, mass conserved to round-off, but not positive.
@@ -49,12 +49,11 @@ class OrnsteinUhlenbeckKernel:
         distance = self.grid.v[:, None] - arrival[None, :]
         kernel = np.exp(-(distance**2) / (2 * step.velocity_variance))
         kernel *= self.grid.dv / np.sqrt(2 * np.pi * step.velocity_variance)
-        d = np.ones(self.grid.nv)
-        # Symmetric matrix scaling (Sinkhorn 1964), damped: the error halves in each pass.
-        for _ in range(60):
-            d = np.sqrt(d / (d @ kernel))
-        kernel *= d[:, None] * d[None, :]
-        return kernel / kernel.sum(axis=0)
+        # What would leave the window stays where it is (a rejected move): local, positive, reversible. Twice, so that
+        # the sums are 1 to the last bit or two.
+        for _ in range(2):
+            kernel[np.diag_indices_from(kernel)] += 1 - kernel.sum(axis=0)
+        return kernel
 
     def _band_limited(self, arrival: Array, variance: float) -> Array:
         nv, period = self.grid.nv, self.grid.high - self.grid.low

@@ -11,7 +11,7 @@ import pytest
 
 ROOT = Path(__file__).parents[2] / "kinetic_solver"
 LAYERS = [
-    {"arrays"},
+    {"arrays", "threads"},
     {"scene"},
     {"initial", "fourier"},
     {"grid"},

@@ -250,5 +250,10 @@ def test_the_dataset(make_scene: MakeScene) -> None:
     dv = float(dataset["v"][1] - dataset["v"][0])
     assert dataset["f"].sum("v").values * dv == pytest.approx(dataset["density"].values, rel=1e-6)
     again = exact.solve(scene, x=dataset["x"], v=dataset["v"])
-    assert np.allclose(again["v"], dataset["v"], rtol=0, atol=1e-12)
+    assert np.array_equal(again["v"], dataset["v"])
+    assert np.array_equal(again["x"], dataset["x"])
     assert np.abs(again["f"].values - dataset["f"].values).max() < 1e-12
+    with pytest.raises(ValueError, match="x must be uniform over one period"):
+        exact.solve(scene, x=[0.0, 1.0, 3.0])
+    with pytest.raises(ValueError, match="v must be uniform"):
+        exact.solve(scene, v=[0.0, 1.0, 3.0])
