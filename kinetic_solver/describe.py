@@ -34,11 +34,10 @@ def _equation(scene: Scene) -> list[Row]:
     if scene.operator == FOLLOW_LEADER:
         rows.append(("(6)", f"C[f] = S f ρ (u - v), follow the leader, S = {s:g}"))
     elif scene.operator == INELASTIC:
-        assert scene.collisions is not None
         rows.append(
             (
                 "(12)",
-                f"C[f] = S [gain - ∫f f' |v - v'| dv'], inelastic, S = {s:g}, ε = {scene.collisions.restitution:g}",
+                f"C[f] = S [gain - ∫f f' |v - v'| dv'], inelastic, S = {s:g}, ε = {scene.restitution:g}",
             )
         )
     else:

@@ -40,10 +40,8 @@ def homogeneous_state(scene: Scene) -> HomogeneousState | None:
         return None
     rate = scene.cross_section * scene.initial.density
     if scene.operator == INELASTIC:
-        assert scene.collisions is not None
-        assert scene.collisions.restitution is not None
         with one_blas_thread():
-            theta, a2, distance = _inelastic(scene.collisions.restitution, rate * math.sqrt(sigma) / gamma)
+            theta, a2, distance = _inelastic(scene.restitution, rate * math.sqrt(sigma) / gamma)
         return HomogeneousState(g / gamma, theta * sigma, a2, rate * distance * math.sqrt(sigma))
     drag = rate * sigma if scene.operator else 0.0
     return HomogeneousState((g - drag) / gamma, sigma, 0.0, rate * 2 * math.sqrt(sigma / math.pi))

@@ -23,8 +23,9 @@ from kinetic_solver.velocity.ornstein_uhlenbeck import half_transport_time, tran
 
 DEPOSIT_ERROR = {"linear": (0.05, 2), "cubic": (0.03, 4), "quintic": (0.02, 6)}
 """Measured, times a safety factor of 1.3 to 3: max f error / max f <= coefficient·(dv/√θ)^order·max(1, Sρ√θ/γ)."""
-STRANG_ERROR = 0.015
-"""Measured with (6), times a safety factor of 2.5: max f error / max f <= 0.015 exp(0.3 R_t) (rate·h)², R_t and rate below."""
+STRANG_ERROR = {FOLLOW_LEADER: 0.015, INELASTIC: 0.06}
+"""Measured, times a safety factor of 2: max f error / max f <= coefficient·(rate·h)², times exp(0.3 R_t) for (6), (1 - ε²)² for
+(12); R_t and rate below."""
 FINITE_VOLUME_ERROR = 0.05
 """Measured with (6), times a safety factor: max f error / max f <= 0.05 (1 + R_t² + R_t³) dv²/σ."""
 STATE_ARRAYS = 8
@@ -148,8 +149,12 @@ class _Rules:
             return None
         if self.scene.grid.time_step:
             return self.scene.grid.time_step
-        coefficient = STRANG_ERROR * (math.exp(0.3 * self.amplification()) if operator == FOLLOW_LEADER else 1.0)
-        h = math.sqrt(self.rtol / coefficient) / self.rate()
+        coefficient = STRANG_ERROR[operator]
+        if operator == FOLLOW_LEADER:
+            coefficient *= math.exp(0.3 * self.amplification())
+        else:
+            coefficient *= (1 - self.scene.restitution**2) ** 2
+        h = min(1.0, math.sqrt(self.rtol / coefficient)) / self.rate()
         self.reasons["time_step"] = f"splitting error {coefficient:.2g} (rate h)² = rtol, rate = {self.rate():.3g}"
         return min(h, self.end)
 

@@ -280,9 +280,16 @@ class Scene(_Table):
         return self.collisions.cross_section if self.collisions else 0.0
 
     @property
+    def restitution(self) -> float:
+        """ε; 1 where nothing is inelastic."""
+        return 1.0 if self.collisions is None or self.collisions.restitution is None else self.collisions.restitution
+
+    @property
     def operator(self) -> Literal["follow-the-leader", "inelastic"] | None:
         """The operator that acts: None without collisions, for S_C = 0, and for elastic ones (ε = 1), whose (12) is zero."""
-        if self.collisions is None or self.collisions.cross_section == 0 or self.collisions.restitution == 1:
+        if self.collisions is None or self.collisions.cross_section == 0:
+            return None
+        if self.collisions.operator == INELASTIC and self.restitution == 1:
             return None
         return self.collisions.operator
 

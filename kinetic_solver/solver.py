@@ -55,15 +55,14 @@ def solve(scene: Scene, progress: Progress | None = None) -> xr.Dataset:
 def collision_operator(plan: Plan) -> CollisionOperator | None:
     """The operator that the scene needs, on the plan's velocity points; None without collisions."""
     scene = plan.scene
-    if scene.operator is None or scene.collisions is None:
+    if scene.operator is None:
         return None
     from kinetic_solver.collisions import FollowLeader, Inelastic
 
     if scene.operator == FOLLOW_LEADER:
-        return FollowLeader(plan.grid.v, scene.collisions.cross_section)
+        return FollowLeader(plan.grid.v, scene.cross_section)
     assert plan.deposit is not None
-    assert scene.collisions.restitution is not None
-    return Inelastic(plan.grid.v, scene.collisions.cross_section, scene.collisions.restitution, plan.deposit)
+    return Inelastic(plan.grid.v, scene.cross_section, scene.restitution, plan.deposit)
 
 
 def drift_diffusion(plan: Plan) -> DriftDiffusion:

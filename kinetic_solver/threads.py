@@ -9,8 +9,8 @@ def one_blas_thread() -> Any:
     """A context in which BLAS runs on one thread; numba's own threads are left alone.
 
     The parallel collision kernels leave OpenMP's threads spinning for a moment, and BLAS's threads, called next, would
-    wait for the same cores: measured on two cores, steps 30 times slower (benchmarks/threads.py). It also makes results independent
-    of the number of cores.
+    wait for the same cores: steps 30 times slower on two cores (docs/performance.md). It also makes results independent of
+    the number of cores.
     """
     from threadpoolctl import threadpool_limits
 

@@ -1,0 +1,66 @@
+"""Pictures: what is drawn is what is in the data."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from kinetic_solver import Scene, SceneError, solve
+from kinetic_solver.plotting import _fine_v, _fine_x, _frames, overview
+
+MakeScene = Callable[..., Scene]
+
+
+@pytest.mark.parametrize("nx", [7, 8, 480, 481])
+def test_fields_are_drawn_through_the_grid_points(nx: int) -> None:
+    """The trigonometric interpolant keeps every value and is exact between them."""
+    length = 9.0
+
+    def field(x: np.ndarray) -> np.ndarray:
+        return 1 + 0.4 * np.cos(2 * np.pi * x / length) + 0.2 * np.sin(6 * np.pi * x / length)
+
+    x = length * np.arange(nx) / nx
+    fine, values = _fine_x(field(x)[None], length, axis=1)
+    assert fine.size > 240
+    assert (fine[0], fine[-1]) == (0.0, length)
+    assert values[0] == pytest.approx(field(fine), abs=1e-13)
+    # An even nx's Nyquist cosine keeps its values, too.
+    saw = np.cos(np.pi * np.arange(nx)) if nx % 2 == 0 else field(x)
+    _, drawn = _fine_x(saw, length, axis=0)
+    assert drawn[: -1 : (drawn.size - 1) // nx] == pytest.approx(saw, abs=1e-12)
+
+
+def test_velocities_are_drawn_through_the_grid_points() -> None:
+    v = np.linspace(-5, 5, 64)
+    fine, values = _fine_v(v, np.exp(-(v**2) / 2), axis=0)
+    assert values == pytest.approx(np.exp(-(fine**2) / 2), abs=2e-5)
+
+
+def test_default_times_share_the_change_equally(make_scene: MakeScene) -> None:
+    """A run that relaxes in a tenth of its time is shown mostly in that tenth."""
+    run = solve(make_scene(initial={"modes": [], "temperature": 0.1}, run={"end_time": 10.0, "output_every": 0.1}))
+    frames = _frames(run, "velocity_distribution", None)
+    assert (frames[0], frames[-1]) == (0, 100)
+    assert all(n < 30 for n in frames[:3])
+    assert _frames(run, "velocity_distribution", [0.31, 5.0]) == [3, 50]
+
+
+@pytest.mark.parametrize("homogeneous", [True, False])
+def test_panels(make_scene: MakeScene, homogeneous: bool) -> None:
+    start = {"modes": [], "temperature": 0.3} if homogeneous else {}
+    run = solve(make_scene(initial=start, run={"end_time": 1.0, "output_every": 0.25}))
+    titles = [axes.get_title() for axes in overview(run).axes]
+    assert ("temperature θ(t)" in titles) == homogeneous
+    assert ("density ρ(x, t)" in titles) != homogeneous
+    assert sum(title.startswith("f(x, v)") for title in titles) == (0 if homogeneous else 4)
+    curves = next(axes for axes in overview(run).axes if axes.get_title() == "velocity distribution").get_lines()
+    theta = 0.3 if homogeneous else 0.5
+    assert float(np.max(curves[0].get_ydata())) == pytest.approx(0.8 * 9.0 / np.sqrt(2 * np.pi * theta), rel=1e-3)
+
+
+def test_a_file_without_the_fields_is_refused(make_scene: MakeScene) -> None:
+    run = solve(make_scene(output={"moments": False}))
+    with pytest.raises(SceneError, match=r"output\.moments = true"):
+        overview(run)
