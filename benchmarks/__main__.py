@@ -1,0 +1,14 @@
+"""All benchmarks, one after another. Each checks its answers, and the first that fails ends the series."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+NAMES = ("collision_operator", "linear_step", "error_against_time", "accuracy_rules")
+
+if __name__ == "__main__":
+    for name in NAMES:
+        print(f"\n== {name}", flush=True)
+        if code := subprocess.run([sys.executable, "-m", f"benchmarks.{name}"]).returncode:
+            sys.exit(code)
