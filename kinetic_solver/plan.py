@@ -10,6 +10,7 @@ import math
 import os
 import warnings
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -71,6 +72,8 @@ def frame_times(scene: Scene) -> Array:
 def make_plan(scene: Scene) -> Plan:
     """Choose what the scene leaves open. Raises SceneError where no grid in this machine's memory can do it."""
     reasons: dict[str, str] = {}
+    if scene.initial.file is not None:
+        scene = _on_the_files_grid(scene, reasons)
     rules = _Rules(scene, reasons)
     window = scene.grid.velocity_window or rules.window()
     deposit = rules.deposit()
@@ -81,6 +84,17 @@ def make_plan(scene: Scene) -> Plan:
     plan = Plan(scene, grid, time_step, rules.drift_diffusion(grid, time_step), deposit, reasons)
     _check_memory(plan)
     return plan
+
+
+def _on_the_files_grid(scene: Scene, reasons: dict[str, str]) -> Scene:
+    """The rules below are for Maxwellian starts; a start from a file keeps the file's grid where [grid] names no other."""
+    nx, nv, low, high = initial.file_grid(scene)
+    of_file: dict[str, Any] = {"nx": nx}
+    if scene.grid.velocity_window is None:
+        of_file |= {"nv": nv, "velocity_window": (low, high)}
+    missing = {name: value for name, value in of_file.items() if getattr(scene.grid, name) is None}
+    reasons.update(dict.fromkeys(missing, "as in initial.file"))
+    return scene.model_copy(update={"grid": scene.grid.model_copy(update=missing)})
 
 
 class _Rules:

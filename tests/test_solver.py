@@ -196,6 +196,9 @@ def test_a_restart_from_a_file_continues_the_run(make_scene: MakeScene, tmp_path
     )  # fmt: skip
     f = solve(second)["f"].values[-1]
     assert np.abs(f - solve(whole)["f"].values[-1]).max() < 1e-14
+    # The file's grid is the one that is used where the scene names none.
+    unnamed = second.model_copy(update={"grid": type(second.grid)(time_step=0.05)})
+    assert np.array_equal(solve(unnamed)["f"].values[-1], f)
     # On another grid: interpolated.
     other = second.model_copy(update={"grid": second.grid.model_copy(update={"nx": 45, "nv": 144})})
     run = solve(other)
