@@ -94,7 +94,7 @@ def _run_grid(scene: Scene, target: Path, overwrite: bool) -> None:
     plan = make_plan(scene)
     recorder = NetCDFRecorder(target, plan.grid, scene, overwrite=overwrite)
     try:
-        with _progress(scene.run.end_time) as progress:
+        with _progress() as progress:
             integrate(plan, recorder, progress)
     except BaseException as stop:
         reason = str(stop) if isinstance(stop, SolverStopped) else f"interrupted by {type(stop).__name__}: {stop}"
@@ -111,7 +111,7 @@ def _run_exact(scene: Scene, target: Path, overwrite: bool) -> None:
 
 
 @contextmanager
-def _progress(end_time: float) -> Iterator[Callable[[float, int, int], None]]:
+def _progress() -> Iterator[Callable[[float, float], None]]:
     """A bar on a terminal; elsewhere a plain line with the time left, at most every ten seconds."""
     if sys.stderr.isatty():
         from rich.console import Console
@@ -120,19 +120,19 @@ def _progress(end_time: float) -> Iterator[Callable[[float, int, int], None]]:
         columns = (TextColumn("t = {task.fields[time]:.4g}"), BarColumn(), TextColumn("{task.percentage:.0f} %"))
         with Progress(*columns, TimeRemainingColumn(), console=Console(stderr=True)) as bar:
             task = bar.add_task("run", total=1.0, time=0.0)
-            yield lambda time, step, total: bar.update(task, completed=step / total, time=time)
+            yield lambda time, end: bar.update(task, completed=time / end, time=time)
         return
     from time import monotonic
 
     began = spoken = monotonic()
 
-    def line(time: float, step: int, total: int) -> None:
+    def line(time: float, end: float) -> None:
         nonlocal spoken
         now = monotonic()
-        if now - spoken >= 10 or step == total:
+        if now - spoken >= 10 or time == end:
             spoken = now
-            left = (now - began) / step * (total - step)
-            print(f"t = {time:.6g} of {end_time:g}, step {step} of {total}, {left:.0f} s left", file=sys.stderr)
+            left = (now - began) / time * (end - time)
+            print(f"t = {time:.6g} of {end:g}, {left:.0f} s left", file=sys.stderr)
 
     yield line
 

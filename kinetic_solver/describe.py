@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 
 from kinetic_solver.homogeneous import homogeneous_state, start_state
-from kinetic_solver.plan import Plan, frame_times, make_plan
+from kinetic_solver.plan import Plan, make_plan
+from kinetic_solver.rules import frame_times
 from kinetic_solver.scene import FOLLOW_LEADER, INELASTIC, Scene
 from kinetic_solver.stability import critical_density
 
@@ -106,17 +107,34 @@ def _run(plan: Plan) -> list[Row]:
         row("nx", f"{g.nx}", "nx"),
         row("nv", f"{g.nv}", "nv"),
         row("velocity window", f"[{g.low:.5g}, {g.high:.5g}]", "velocity_window"),
-        ("drift and diffusion", plan.drift_diffusion),
+        ("velocities", _VELOCITIES[plan.velocity if plan.velocity == "hermite" else plan.drift_diffusion]),
     ]
-    if plan.deposit is not None:
+    if plan.deposit is not None and plan.velocity != "hermite":
         rows.append(row("deposit", plan.deposit, "deposit"))
-    if plan.time_step is None:
-        rows.append(("time step", "one exact step from frame to frame"))
-    else:
-        rows.append(row("time step", f"{plan.time_step:.4g}", "time_step"))
     frames = len(frame_times(plan.scene))
+    rows.append(("in time", _stepping(plan)))
+    if plan.time_step is not None:
+        rows.append(row("longest step", f"{plan.time_step:.4g}", "time_step"))
     rows += [
-        ("steps", f"{plan.total_steps} in {frames} frames"),
+        ("steps", f"{'about ' if plan.controlled else ''}{plan.expected_steps} in {frames} frames"),
         ("memory", f"{plan.memory / 2**20:.3g} MiB"),
     ]
     return rows
+
+
+_VELOCITIES = {
+    "hermite": "Hermite functions about the homogeneous state",
+    "kernel": "points, the exact Ornstein-Uhlenbeck kernel between them",
+    "finite-volume-8": "points, finite volumes of order 8",
+    "finite-volume": "points, positive finite volumes of order 2",
+}
+
+
+def _stepping(plan: Plan) -> str:
+    if plan.scene.operator is None:
+        return "one exact step from frame to frame"
+    if plan.stepping == "exact":
+        return "exact steps: (2) with (6), linearised"
+    if plan.stepping == "strang":
+        return "Strang splitting, order 2"
+    return "extrapolated Strang splitting, order 8" if plan.symmetric else "extrapolated Lawson-Runge-Kutta method, order 5"

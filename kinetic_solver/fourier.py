@@ -21,6 +21,26 @@ def wavenumbers(nx: int, length: float) -> Array:
     return 2 * np.pi / length * np.arange(nx // 2 + 1)
 
 
+def derivative(field: Array, k: Array) -> Array:
+    """∂/∂x along axis 0 of a periodic field of any rank; its sum over x vanishes. k: `wavenumbers` of the grid.
+
+    The derivative of the Nyquist cosine (even nx) vanishes on the grid.
+    """
+    n = field.shape[0]
+    factor = 1j * k
+    if n % 2 == 0:
+        factor[-1] = 0.0
+    return np.fft.irfft(factor.reshape(-1, *[1] * (field.ndim - 1)) * np.fft.rfft(field, axis=0), n=n, axis=0)
+
+
+def integral_spectrum(field: Array, k: Array) -> NDArray[np.complex128]:
+    """rfft of the periodic antiderivative of field - mean(field), of mean 0; shape (nx//2 + 1,)."""
+    spectrum = np.fft.rfft(field)
+    spectrum[0] = 0.0
+    spectrum[1:] /= 1j * k[1:]
+    return spectrum
+
+
 class RealTransform:
     """Forward and inverse transform along axis 0 of arrays of shape (nx, columns), with buffers of its own.
 

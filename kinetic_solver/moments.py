@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from kinetic_solver.arrays import Array
+from kinetic_solver.fourier import derivative
 from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.scene import Model
 
@@ -54,11 +55,7 @@ def moment_equations(grid: PhaseSpaceGrid, model: Model, f: Array, collision_rat
     rho, u, theta, q = m.density, m.mean_velocity, m.temperature, m.heat_flux
 
     def ddx(field: Array) -> Array:
-        spectrum = np.fft.rfft(field, axis=0)
-        k = grid.wavenumbers.copy()
-        if grid.nx % 2 == 0:
-            k[-1] = 0.0  # the derivative of the Nyquist cosine vanishes on the grid
-        return np.fft.irfft(1j * k.reshape(-1, *[1] * (field.ndim - 1)) * spectrum, n=grid.nx, axis=0)
+        return derivative(field, grid.wavenumbers)
 
     # Moments of the drift and diffusion terms by parts: ∫φ(-∂((g - γv) f) + σγ ∂²f) = ∫(φ'(g - γv) + φ''σγ) f.
     v, dv = grid.v, grid.dv

@@ -200,9 +200,12 @@ class Grid(_Table):
     nv: Annotated[int, Field(strict=True, ge=8)] | None = None
     velocity_window: tuple[Real, Real] | None = None
     time_step: Positive | None = None
-    drift_diffusion: Literal["kernel", "finite-volume"] | None = None
-    """The velocity substep: the exact Ornstein-Uhlenbeck kernel (needs a step long enough to be resolved by dv), or the
-    second-order finite volumes (any step)."""
+    velocity: Literal["finite-volume", "hermite"] | None = None
+    """How f depends on v: points (robust, the default), or nv Hermite functions about the homogeneous state."""
+    stepping: Literal["exact", "extrapolated", "strang"] | None = None
+    """In time: exact (no collisions, and operator (6)); high order with error control; or Strang's positive method, order 2."""
+    drift_diffusion: Literal["kernel", "finite-volume-8", "finite-volume"] | None = None
+    """Between velocity points: the exact Ornstein-Uhlenbeck kernel, or finite volumes of order 8 or 2 (positive)."""
     deposit: Literal["linear", "cubic", "quintic"] | None = None
     """How operator (12) places collision products between grid points; only "linear" is positive."""
 

@@ -3,31 +3,29 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from kinetic_solver import initial
 from kinetic_solver.arrays import Array
 from kinetic_solver.budgets import Ledger
 from kinetic_solver.collisions.protocol import CollisionOperator
-from kinetic_solver.grid import PhaseSpaceGrid
-from kinetic_solver.homogeneous import start_state
-from kinetic_solver.linear import LinearStep
 from kinetic_solver.moments import moment_equations, moments, totals
 from kinetic_solver.monitor import Monitor, SolverStopped
 from kinetic_solver.output import MemoryRecorder, Recorder
-from kinetic_solver.plan import Plan, frame_times, make_plan
-from kinetic_solver.scene import FOLLOW_LEADER, Scene
-from kinetic_solver.stepping import strang
+from kinetic_solver.plan import Plan, make_plan
+from kinetic_solver.representation import Representation, collision_operator, make_representation
+from kinetic_solver.rules import frame_times
+from kinetic_solver.scene import Scene
+from kinetic_solver.stepping import Controlled, ExactSteps, Extrapolated, LostAccuracy, Stepper, StepTooSmall
 from kinetic_solver.threads import one_blas_thread
-from kinetic_solver.velocity import DriftDiffusion, FiniteVolume, OrnsteinUhlenbeckKernel
 
 if TYPE_CHECKING:
     import xarray as xr
-Progress = Callable[[float, int, int], None]
-"""Called as progress(time, step, total steps)."""
+Progress = Callable[[float, float], None]
+"""Called as progress(time, end time)."""
 
 CHECK_EVERY = 10
 """Steps between two full checks by the monitor; NaN is looked for in every step."""
@@ -36,8 +34,8 @@ CHECK_EVERY = 10
 def solve(scene: Scene, progress: Progress | None = None) -> xr.Dataset:
     """Solve (2) for `scene` on the phase-space grid; return every frame as an xarray Dataset (docs/output.md).
 
-    Exact in time without collisions; second order in the time step with them (Strang). Mass is conserved to round-off.
-    Raises SceneError where the scene cannot be run, and SolverStopped, with the frames so far as its `dataset`, where
+    Exact in time without collisions and with operator (6); with (12) of high order, under error control. Mass is conserved to
+    round-off. Raises SceneError where the scene cannot be run, and SolverStopped, with the frames so far as its `dataset`, where
     a run cannot go on.
     """
     plan = make_plan(scene)
@@ -52,35 +50,27 @@ def solve(scene: Scene, progress: Progress | None = None) -> xr.Dataset:
     return recorder.dataset()
 
 
-def collision_operator(plan: Plan) -> CollisionOperator | None:
-    """The operator that the scene needs, on the plan's velocity points; None without collisions."""
-    scene = plan.scene
+def make_stepper(plan: Plan, representation: Representation) -> Stepper:
+    """The stepper that the plan names."""
+    scene, rtol = plan.scene, plan.scene.accuracy.rtol
+    longest = math.inf if plan.time_step is None else plan.time_step
     if scene.operator is None:
-        return None
-    from kinetic_solver.collisions import FollowLeader, Inelastic
+        return ExactSteps(representation.linear)
+    base = representation.split()
+    if plan.stepping == "strang":
+        return Controlled(Extrapolated(base), lambda f: math.inf, fixed=plan.time_step)
+    method = Extrapolated(base, (1, 2, 3, 4), (2, 4, 6)) if plan.symmetric else Extrapolated(base, (1, 2), (4,))
+    # Errors made long ago have decayed: the allowance is spread over the run, but over no more than a few relaxation times.
+    memory = min(scene.run.end_time, 5 / scene.model.friction if scene.model.friction > 0 else math.inf)
+    share = plan.error_share * rtol / memory
 
-    if scene.operator == FOLLOW_LEADER:
-        return FollowLeader(plan.grid.v, scene.cross_section)
-    assert plan.deposit is not None
-    return Inelastic(plan.grid.v, scene.cross_section, scene.restitution, plan.deposit)
+    def tolerance(f: Array) -> float:
+        return share * float(np.abs(f).max())
 
-
-def drift_diffusion(plan: Plan) -> DriftDiffusion:
-    chosen = FiniteVolume if plan.drift_diffusion == "finite-volume" else OrnsteinUhlenbeckKernel
-    return chosen(plan.grid, plan.scene.model)
-
-
-def initial_state(scene: Scene, grid: PhaseSpaceGrid) -> Array:
-    """f at time 0, shape (nx, nv): Maxwellian, or the last frame of `initial.file` on this grid."""
-    if scene.initial.file is not None:
-        return initial.from_file(scene, grid.x, grid.v)
-    u0, theta0 = start_state(scene)
-    return initial.maxwellian(
-        initial.density(scene, grid.x),
-        initial.mean_velocity(scene, grid.x, u0),
-        initial.temperature(scene, grid.x, theta0),
-        grid.v,
-    )
+    if plan.stepping == "extrapolated":
+        return Controlled(method, tolerance, longest, scene.grid.time_step)
+    step = representation.linearised(0.05 * rtol)
+    return ExactSteps(step, longest, fallback=Controlled(method, tolerance, longest))
 
 
 def integrate(plan: Plan, recorder: Recorder, progress: Progress | None = None) -> None:
@@ -92,46 +82,40 @@ def integrate(plan: Plan, recorder: Recorder, progress: Progress | None = None) 
 def _integrate(plan: Plan, recorder: Recorder, progress: Progress | None) -> None:
     scene, grid = plan.scene, plan.grid
     operator = collision_operator(plan)
-    linear = LinearStep(grid, scene.model, drift_diffusion(plan))
+    representation = make_representation(plan)
+    stepper = make_stepper(plan, representation)
     monitor = Monitor(plan)
-    f = initial_state(scene, grid)
-    ledger = Ledger(grid, scene.model, f) if scene.output.budgets is not False else None
+    state = representation.start()
+    f = representation.points(state)
+    ledger = Ledger(grid, scene.model, operator, f) if scene.output.budgets is not False else None
     frames = Frames(plan, recorder, operator, ledger)
     frames.write(0.0, f, monitor.check(f, 0.0))
+    steps = itertools.count(1)
+    times = frame_times(scene).tolist()
+    if ledger is not None and operator is not None:
+        # The budgets' integrals in time need a few points from the start.
+        times = sorted({*times, *np.linspace(0.0, times[1], 5)[1:-1].tolist()})
+    for start, end in itertools.pairwise(times):
 
-    def collide(f: Array, h: float) -> Array:
-        assert operator is not None
-        f = operator(f, h)
-        if ledger is not None:
-            ledger.collision(f)
-        return f
+        def observe(state: Array, elapsed: float, start: float = start, end: float = end) -> None:
+            nonlocal f
+            now = end if start + elapsed > end - 1e-12 * (end - start) else start + elapsed
+            f = representation.points(state)
+            monitor.finite(f, now)
+            if next(steps) % CHECK_EVERY == 0 and now < end:
+                monitor.check(f, now)
+            if ledger is not None:
+                ledger.step(now, f)
+            if progress is not None:
+                progress(now, scene.run.end_time)
 
-    def drift(f: Array, h: float) -> Array:
-        f = linear(f, h)
-        if ledger is not None:
-            ledger.linear(f, h)
-        return f
-
-    done, total = 0, plan.total_steps
-    for start, end in itertools.pairwise(frame_times(scene).tolist()):
-        steps = plan.steps(end - start)
-        if operator is None:
-            f = drift(f, end - start)
-        else:
-
-            def observe(f: Array, n: int, start: float = start, end: float = end, steps: int = steps, done: int = done) -> None:
-                now = start + (end - start) * n / steps
-                monitor.finite(f, now)
-                if n % CHECK_EVERY == 0:
-                    monitor.check(f, now)
-                if progress is not None:
-                    progress(now, done + n, total)
-
-            f = strang(collide, drift, f, end - start, steps, observe)
-        done += steps
+        try:
+            state = stepper.advance(state, end - start, observe)
+        except (StepTooSmall, LostAccuracy) as error:
+            raise SolverStopped(
+                f"between t = {start:.6g} and {end:.6g}: {error}; raise accuracy.rtol, or refine grid.nx and grid.nv"
+            ) from None
         frames.write(end, f, monitor.check(f, end))
-        if progress is not None:
-            progress(end, done, total)
 
 
 class Frames:
@@ -150,9 +134,6 @@ class Frames:
         if not due:
             return
         grid, model = self.plan.grid, self.plan.scene.model
-        rate = None
-        if self.operator is not None and due & {"budgets", "moment_equations"}:
-            rate = self.operator.rate(f)
         frame: dict[str, dict[str, Any]] = {}
         if "f" in due:
             frame["f"] = {"f": f}
@@ -169,7 +150,8 @@ class Frames:
             mass, momentum, energy = totals(grid, f)
             frame["scalars"] = {"mass": mass, "momentum": momentum, "energy": energy, **diagnostics}
         if "budgets" in due and self.ledger is not None:
-            frame["budgets"] = self.ledger.record(rate)
+            frame["budgets"] = self.ledger.record()
         if "moment_equations" in due:
+            rate = self.operator.rate(f) if self.operator is not None else None
             frame["moment_equations"] = moment_equations(grid, model, f, rate)
         self.recorder.record(time, frame)

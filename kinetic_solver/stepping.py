@@ -1,24 +1,211 @@
-"""How substeps are composed in time. Knows no physics: a substep is any callable (f, dt) → f."""
+"""How substeps are composed in time. Knows no physics: a substep is any callable (f, dt) → f, a rate any callable f → ∂f/∂t.
+
+Two base methods, `strang` for collisions that have an exact substep and `lawson` for those that only have a rate; `Extrapolated`,
+which raises a base method's order and estimates its error; and two steppers, `Controlled` and `ExactSteps`, that
+fill an interval with steps. Why these: docs/performance.md.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+import warnings
+from collections.abc import Callable, Sequence
+from typing import Protocol
+
+import numpy as np
 
 from kinetic_solver.arrays import Array
 
 Substep = Callable[[Array, float], Array]
-Observer = Callable[[Array, int], None]
-"""Called as observer(f, n) when n steps are done, up to an outer half step: fit for checks, not for output."""
+Rate = Callable[[Array], Array]
+BaseMethod = Callable[[Array, float, int], Array]
+"""f, interval, number of equal steps → f after the interval."""
+Observer = Callable[[Array, float], None]
+"""Called as observer(f, elapsed) when a step is done."""
 
 
-def strang(outer: Substep, inner: Substep, f: Array, interval: float, steps: int, observer: Observer) -> Array:
-    """f after `interval`, by Strang's (1968) splitting in equal steps: outer(h/2) inner(h) outer(h/2), second order in h.
+class StepTooSmall(RuntimeError):
+    """The error asked for cannot be reached by any step."""
 
-    The outer half steps of neighbouring steps are done as one. Test: tests/convergence/test_grid_against_exact.py.
+
+class LostAccuracy(RuntimeError):
+    """An exact step could not be done accurately; the state before it is good."""
+
+
+class Stepper(Protocol):
+    def advance(self, f: Array, interval: float, observer: Observer) -> Array:
+        """f after `interval`; the observer is told of every step. May raise StepTooSmall."""
+        ...
+
+
+def strang(outer: Substep, inner: Substep) -> BaseMethod:
+    """Strang's (1968) splitting outer(h/2) inner(h) outer(h/2); the outer half steps of neighbouring steps are done as one.
+
+    Order 2, error in even powers of h where both substeps are exact; positive where they are.
+    Test: tests/convergence/test_stepping.py.
     """
-    h = interval / steps
-    f = outer(f, h / 2)
-    for n in range(1, steps):
-        f = outer(inner(f, h), h)
-        observer(f, n)
-    return outer(inner(f, h), h / 2)
+
+    def method(f: Array, interval: float, steps: int) -> Array:
+        h = interval / steps
+        f = outer(f, h / 2)
+        for _ in range(steps - 1):
+            f = outer(inner(f, h), h)
+        return outer(inner(f, h), h / 2)
+
+    return method
+
+
+def lawson(rate: Rate, linear: Substep) -> BaseMethod:
+    """The classical fourth-order Runge-Kutta method in Lawson's (1967) variable exp(-tL) f: the linear part L is exact.
+
+    Four rates and four linear half steps a step, none backwards in time. What rate and linear step both conserve is conserved to
+    round-off. Stable for steps below about 2.8/|the rate's eigenvalue|. Order 4. Test: tests/convergence/test_stepping.py.
+    """
+
+    def method(f: Array, interval: float, steps: int) -> Array:
+        h = interval / steps
+        for _ in range(steps):
+            k1 = rate(f)
+            f, k1 = linear(f, h / 2), linear(k1, h / 2)
+            k2 = rate(f + h / 2 * k1)
+            k3 = rate(f + h / 2 * k2)
+            k4 = rate(linear(f + h * k3, h / 2))
+            f = linear(f + h / 6 * k1 + h / 3 * (k2 + k3), h / 2) + h / 6 * k4
+        return f
+
+    return method
+
+
+class Extrapolated:
+    """Richardson extrapolation: results of a base method with `counts` steps, combined so that errors h^p, p in `powers`, cancel.
+
+    Strang's method with counts (1, 2, 3, 4) and powers (2, 4, 6) gives order 8, Lawson's with (1, 2) and (4,) order 5.
+    Positivity is lost by terms of the order of the error. Orders, two-sided: tests/convergence/test_stepping.py.
+    """
+
+    def __init__(self, base: BaseMethod, counts: Sequence[int] = (1,), powers: Sequence[int] = ()) -> None:
+        self.base = base
+        self.counts = tuple(counts)
+        self._weights = _weights(counts, powers)
+        self._lower = np.append(0.0, _weights(counts[1:], powers[:-1])) if powers else self._weights
+        self.lower_order = powers[-1] if powers else None
+        """Order of the estimate: the error of the result without the last cancellation."""
+
+    def step(self, f: Array, h: float) -> tuple[Array, float]:
+        """(f after h, the estimated max|error| of the next lower order; 0 where nothing is extrapolated)."""
+        finest = self.base(f, h, self.counts[-1])
+        best, lower = finest.copy(), np.zeros_like(f)
+        # Corrections to the finest result: what all results conserve stays, though the weights are rounded.
+        for n, weight, low in zip(self.counts[:-1], self._weights, self._lower, strict=False):
+            correction = self.base(f, h, n) - finest
+            best += weight * correction
+            lower += (weight - low) * correction
+        return best, float(np.abs(lower).max())
+
+
+def _weights(counts: Sequence[int], powers: Sequence[int]) -> Array:
+    """w with Σ w = 1 and Σ w n^(-p) = 0 for each power p."""
+    rows = [[float(n) ** -p for n in counts] for p in (0, *powers)]
+    return np.asarray(np.linalg.solve(rows, np.eye(len(counts))[0]))
+
+
+class Controlled:
+    """As few steps as keep the estimated error of each below tolerance(f)·(its length).
+
+    Lengths are the interval over powers of two, so that substeps build few tables, and at most `longest`. With `fixed`, equal
+    steps of at most that length instead. `error` adds up the estimates; `steps` and `rejected` count.
+    """
+
+    DEEPEST = 20
+
+    def __init__(
+        self,
+        method: Extrapolated,
+        tolerance: Callable[[Array], float],
+        longest: float = math.inf,
+        fixed: float | None = None,
+    ) -> None:
+        self.method = method
+        self.tolerance = tolerance
+        self.longest = longest
+        self.fixed = fixed
+        self.error = 0.0
+        self.steps = 0
+        self.rejected = 0
+        self._length = longest
+
+    def advance(self, f: Array, interval: float, observer: Observer) -> Array:
+        if self.fixed is not None:
+            count = _count(interval, self.fixed)
+            for n in range(count):
+                f, error = self.method.step(f, interval / count)
+                self._accept(error)
+                observer(f, interval * (n + 1) / count)
+            return f
+        # The place in the interval, in units of interval/2^DEEPEST: exact.
+        whole, place = 2**self.DEEPEST, 0
+        shallowest = self._level(interval, self.longest)
+        level = max(shallowest, self._level(interval, self._length))
+        while place < whole:
+            units, h = whole >> level, interval / 2**level
+            new, error = self.method.step(f, h)
+            allowed = self.tolerance(f) * h
+            if not error <= allowed:  # a NaN is no small error
+                if level == self.DEEPEST:
+                    raise StepTooSmall(f"no step down to {h:.2g} keeps the error asked for")
+                excess = error / allowed if math.isfinite(error) else 2.0
+                level = min(self.DEEPEST, level + max(1, math.ceil(math.log2(excess) / self._order)))
+                self.rejected += 1
+                continue
+            f, place, self._length = new, place + units, h
+            self._accept(error)
+            observer(f, interval * (place / whole))
+            # Longer again, with a margin that spares rejections, where the place lies on the coarser lattice.
+            if error < 0.3 * allowed / 2**self._order:
+                self._length = 2 * h
+                if level > shallowest and place % (2 * units) == 0:
+                    level -= 1
+        return f
+
+    @property
+    def _order(self) -> int:
+        return self.method.lower_order or 1
+
+    def _level(self, interval: float, length: float) -> int:
+        """The least number of halvings that brings the interval down to `length`."""
+        return min(self.DEEPEST, max(0, math.ceil(math.log2(interval / length) - 1e-9))) if length < interval else 0
+
+    def _accept(self, error: float) -> None:
+        self.error += error
+        self.steps += 1
+
+
+class ExactSteps:
+    """Equal steps of at most `longest`, each of which is exact; `fallback` takes over a step that loses its accuracy."""
+
+    def __init__(self, step: Substep, longest: float = math.inf, fallback: Stepper | None = None) -> None:
+        self.step = step
+        self.longest = longest
+        self.fallback = fallback
+        self._warned = False
+
+    def advance(self, f: Array, interval: float, observer: Observer) -> Array:
+        count = _count(interval, self.longest)
+        h = interval / count
+        for n in range(count):
+            try:
+                f = self.step(f, h)
+            except LostAccuracy as lost:
+                if self.fallback is None:
+                    raise
+                if not self._warned:
+                    self._warned = True
+                    warnings.warn(f"{lost}: the quadrature path takes over", stacklevel=2)
+                f = self.fallback.advance(f, h, lambda f, elapsed: None)
+            observer(f, interval * (n + 1) / count)
+        return f
+
+
+def _count(interval: float, longest: float) -> int:
+    """Equal steps that fill the interval."""
+    return max(1, math.ceil(interval / longest * (1 - 1e-12)))

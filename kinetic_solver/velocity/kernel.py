@@ -8,6 +8,7 @@ from kinetic_solver.arrays import Array
 from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.scene import Model
 from kinetic_solver.velocity.ornstein_uhlenbeck import transition
+from kinetic_solver.velocity.protocol import DriftDiffusion
 
 RESOLVED = 1.4
 """The kernel's width s in units of dv from which the trapezoidal rule integrates it to round-off: 2 exp(-2π² 1.4²) = 3e-17."""
@@ -26,16 +27,17 @@ class OrnsteinUhlenbeckKernel:
     Metropolis's rule: every column sums to 1 and detailed balance with the Maxwellian of variance σ is exact, so mass is
     conserved and the equilibrium is stationary to round-off, the window's edges included.
 
-    Where it does not (short steps, no noise), the kernel's band-limited form takes its place: exact for every f that
-    the grid resolves, mass conserved to round-off, but not positive.
+    Where it does not (short steps, no noise), `unresolved` takes its place, by default the kernel's band-limited form: exact for
+    every f that the grid resolves, mass conserved to round-off, but not positive and not accurate relative to f in the tails.
     Tests: tests/invariants/test_velocity.py, tests/convergence/test_velocity.py.
     """
 
     name = "kernel"
 
-    def __init__(self, grid: PhaseSpaceGrid, model: Model) -> None:
+    def __init__(self, grid: PhaseSpaceGrid, model: Model, unresolved: DriftDiffusion | None = None) -> None:
         self.grid = grid
         self.model = model
+        self.unresolved = unresolved
 
     def positive(self, h: float) -> bool:
         """True where the step h is long enough for the positive form."""
@@ -45,6 +47,8 @@ class OrnsteinUhlenbeckKernel:
         step = transition(self.model, h)
         arrival = step.velocity_shift + self.grid.v * step.decay
         if not self.positive(h):
+            if self.unresolved is not None:
+                return self.unresolved.matrix(h)
             return self._band_limited(arrival, step.velocity_variance)
         distance = self.grid.v[:, None] - arrival[None, :]
         kernel = np.exp(-(distance**2) / (2 * step.velocity_variance))

@@ -38,12 +38,12 @@ def transition(model: Model, h: float) -> Transition:
     g, gamma, sigma = model.gravity, model.friction, model.noise
     a = gamma * h
     e = math.exp(-a)
-    b = h * _phi1(a)
+    b = h * phi1(a)
     return Transition(
         decay=e,
         drift_time=b,
         velocity_shift=g * b,
-        displacement_shift=g * h * h * _phi2(a),
+        displacement_shift=g * h * h * phi2(a),
         velocity_variance=-sigma * math.expm1(-2 * a),
         covariance=sigma * gamma * b * b,
         displacement_variance=sigma * gamma * h**3 * _psi(a),
@@ -69,12 +69,26 @@ def excess_displacement(gamma: float, h: float) -> float:
     return h * z * total
 
 
-def _phi1(a: float) -> float:
+def transport_times(gamma: float, h: float) -> tuple[float, float]:
+    """(a, b): transport for a, Ornstein-Uhlenbeck for h/2, transport for b, Ornstein-Uhlenbeck for h/2, transport for a
+    give displacement and velocity the joint Gaussian law of a whole step h, exactly (up to a uniform shift by gravity).
+
+    Both are positive: a/h goes from (1 - 1/√3)/2 at γh = 0, where the kernels act at the Gauss-Legendre points of the step, to
+    1/(γh). From the means, 2a cosh(γh/2) + b = 2 sinh(γh/2)/γ, and from the variance of the displacement.
+    """
+    x = gamma * h
+    e, phi = math.exp(-x), phi1(x)
+    ratio = _psi(x) / phi  # displacement variance over the velocity variance of half a step, over h²
+    a = (phi - math.sqrt(e * ((1 + e) * ratio - phi**2))) / (1 + e)
+    return a * h, math.sqrt((1 + e) * ratio - phi**2) * h
+
+
+def phi1(a: float) -> float:
     """(1 - e^-a)/a."""
     return -math.expm1(-a) / a if a > 0 else 1.0
 
 
-def _phi2(a: float) -> float:
+def phi2(a: float) -> float:
     """(a - 1 + e^-a)/a²."""
     return (a + math.expm1(-a)) / a**2 if a > 0.5 else _series(a, lambda n: 1.0, 2)
 

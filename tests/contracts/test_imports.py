@@ -17,8 +17,9 @@ LAYERS = [
     {"grid"},
     {"transport", "moments", "velocity", "collisions"},
     {"linear", "homogeneous", "stepping", "budgets"},
-    {"plan", "stability"},
-    {"monitor", "output"},
+    {"rules", "stability", "linearised"},
+    {"plan"},
+    {"monitor", "output", "representation"},
     {"solver", "exact", "describe", "info", "plotting"},
     {"cli"},
 ]

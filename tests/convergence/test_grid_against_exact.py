@@ -36,7 +36,7 @@ def refined(make: MakeScene, number: float, grids: list[dict[str, Any]]) -> list
 @pytest.mark.parametrize(("number", "nx", "finest"), [(0.3, 63, 4e-6), (2.0, 105, 6e-5)])
 def test_second_order_in_the_time_step(standing_scene: MakeScene, number: float, nx: int, finest: float) -> None:
     """With the exact kernel dv and dx cost nothing: what is left is Strang's error."""
-    grids = [{"nx": nx, "nv": 256, "time_step": 2 / steps, "drift_diffusion": "kernel"} for steps in (20, 40, 80, 160)]
+    grids = [{"nx": nx, "nv": 256, "time_step": 2 / steps, "stepping": "strang"} for steps in (20, 40, 80, 160)]
     errors = refined(standing_scene, number, grids)
     assert all(1.95 < order < 2.05 for order in orders(errors)), errors
     assert errors[-1] < finest
@@ -45,7 +45,10 @@ def test_second_order_in_the_time_step(standing_scene: MakeScene, number: float,
 @pytest.mark.parametrize(("number", "nx"), [(0.3, 63), (2.0, 105)])
 def test_finite_volumes_are_second_order_in_dv(standing_scene: MakeScene, number: float, nx: int) -> None:
     steps = 400 if number == 0.3 else 800
-    grids = [{"nx": nx, "nv": nv, "time_step": 2 / steps, "drift_diffusion": "finite-volume"} for nv in (96, 192, 384)]
+    grids = [
+        {"nx": nx, "nv": nv, "time_step": 2 / steps, "stepping": "strang", "drift_diffusion": "finite-volume"}
+        for nv in (96, 192, 384)
+    ]
     errors = refined(standing_scene, number, grids)
     assert all(1.85 < order < 2.1 for order in orders(errors)), errors
 
@@ -53,7 +56,9 @@ def test_finite_volumes_are_second_order_in_dv(standing_scene: MakeScene, number
 @pytest.mark.parametrize("number", [0.3, 2.0])
 def test_spectral_in_x_and_v(standing_scene: MakeScene, number: float) -> None:
     """Coarse and fine grids differ by round-off once they resolve f: against the finest, at the same step."""
-    scene = standing_scene(number, grid={"velocity_window": WINDOWS[number], "time_step": 0.1, "nx": 189, "nv": 270})
+    scene = standing_scene(
+        number, grid={"velocity_window": WINDOWS[number], "time_step": 0.1, "nx": 189, "nv": 270, "stepping": "strang"}
+    )
     fine = solve(scene).isel(time=-1)["f"].values
     top = fine.max()
 

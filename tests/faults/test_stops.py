@@ -87,7 +87,7 @@ def test_nan_stops_at_once(make_scene: MakeScene, monkeypatch: pytest.MonkeyPatc
 
     monkeypatch.setattr(FollowLeader, "__call__", broken)
     with pytest.raises(SolverStopped, match="no longer finite") as caught:
-        solve(make_scene(collisions=FOLLOW, run={"end_time": 1.0}))
+        solve(make_scene(collisions=FOLLOW, run={"end_time": 1.0}, grid={"stepping": "strang"}))
     assert len(calls) == 4
     assert caught.value.dataset.sizes["time"] == 1
     one_line(caught.value)
@@ -112,11 +112,11 @@ def test_negative_f(make_scene: MakeScene) -> None:
 
 
 def test_a_time_step_too_short_for_dv_is_said_once(make_scene: MakeScene) -> None:
-    scene = make_scene(collisions=FOLLOW, grid={"nx": 27, "nv": 64, "velocity_window": (-7.0, 7.0), "time_step": 0.01})
-    with pytest.warns(UserWarning, match=r"finite volumes are used, whose error is about .* raise grid\.nv to \d+") as caught:
+    scene = make_scene(collisions=FOLLOW, grid={"nx": 27, "nv": 48, "velocity_window": (-7.0, 7.0), "time_step": 0.003})
+    with pytest.warns(UserWarning, match=r"what takes its place errs by about .* raise grid\.nv to \d+") as caught:
         plan = make_plan(scene)
     assert len(caught) == 1
-    assert plan.drift_diffusion == "finite-volume"
+    assert plan.drift_diffusion == "kernel"
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,146 @@
+"""How f is held while it is stepped: at velocity points (finite volumes) or as Hermite coefficients, behind one interface.
+
+What a run needs of either is the same: a start, point values for output, and the parts of (2) as substeps and rates.
+"""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from kinetic_solver import initial
+from kinetic_solver.arrays import Array
+from kinetic_solver.collisions import FollowLeader, FollowLeaderHermite, Inelastic, InelasticHermite
+from kinetic_solver.collisions.protocol import CollisionOperator
+from kinetic_solver.grid import PhaseSpaceGrid
+from kinetic_solver.homogeneous import homogeneous_state, start_state
+from kinetic_solver.linear import HermiteLinearStep, LinearStep
+from kinetic_solver.linearised import GridLinearisedStep, HermiteLinearisedStep
+from kinetic_solver.plan import Plan
+from kinetic_solver.scene import FOLLOW_LEADER, Scene
+from kinetic_solver.stepping import BaseMethod, Substep, lawson, strang
+from kinetic_solver.velocity import DriftDiffusion, FiniteVolume, HermiteBasis, HighOrderFiniteVolume, OrnsteinUhlenbeckKernel
+
+
+class Representation(Protocol):
+    """A state is an array whose first axis is x."""
+
+    def start(self) -> Array:
+        """The state at time 0."""
+        ...
+
+    def points(self, state: Array) -> Array:
+        """f at the grid's points, (nx, nv)."""
+        ...
+
+    @property
+    def linear(self) -> Substep:
+        """(2) without collisions over h, exact in time."""
+        ...
+
+    def linearised(self, tolerance: float) -> GridLinearisedStep | HermiteLinearisedStep:
+        """(2) with operator (6), exact in time."""
+        ...
+
+    def split(self) -> BaseMethod:
+        """The base method of the quadrature path: Strang where collisions have an exact substep, else Lawson."""
+        ...
+
+
+def make_representation(plan: Plan) -> Representation:
+    return HermiteCoefficients(plan) if plan.velocity == "hermite" else VelocityPoints(plan)
+
+
+class VelocityPoints:
+    """f(x_i, v_j) itself, (nx, nv); drift-diffusion as a matrix between the points."""
+
+    def __init__(self, plan: Plan) -> None:
+        self.plan = plan
+        self.linear: Substep = LinearStep(plan.grid, plan.scene.model, self._drift_diffusion())
+
+    def start(self) -> Array:
+        return initial_state(self.plan.scene, self.plan.grid)
+
+    def points(self, state: Array) -> Array:
+        return state
+
+    def linearised(self, tolerance: float) -> GridLinearisedStep:
+        scene = self.plan.scene
+        return GridLinearisedStep(self.plan.grid, scene.model, scene.cross_section, self._drift_diffusion(), tolerance)
+
+    def split(self) -> BaseMethod:
+        operator = collision_operator(self.plan)
+        assert operator is not None
+        if self.plan.stepping == "strang" or isinstance(operator, FollowLeader):
+            return strang(operator, self.linear)
+        return lawson(operator.rate, self.linear)
+
+    def _drift_diffusion(self) -> DriftDiffusion:
+        grid, model = self.plan.grid, self.plan.scene.model
+        if self.plan.drift_diffusion == "finite-volume":
+            return FiniteVolume(grid, model)
+        if self.plan.drift_diffusion == "finite-volume-8":
+            return HighOrderFiniteVolume(grid, model)
+        # Operator (6) amplifies errors in the slow tail: there a step too short for the kernel must stay accurate relative to f.
+        amplified = self.plan.scene.operator == FOLLOW_LEADER and model.friction * model.noise > 0
+        return OrnsteinUhlenbeckKernel(grid, model, HighOrderFiniteVolume(grid, model) if amplified else None)
+
+
+class HermiteCoefficients:
+    """Coefficients (nx, nv) of Hermite functions about the homogeneous state; the linear part in closed form."""
+
+    def __init__(self, plan: Plan) -> None:
+        self.plan = plan
+        self.basis = hermite_basis(plan.scene, plan.grid.nv)
+        self._values = self.basis.values(plan.grid.v)
+        self.linear: Substep = HermiteLinearStep(plan.grid, self.basis, plan.scene.model)
+
+    def start(self) -> Array:
+        scene, grid = self.plan.scene, self.plan.grid
+        if scene.initial.file is not None:
+            return self.basis.coefficients(initial.from_file(scene, grid.x, grid.v), grid.v)
+        return self.basis.maxwellian(*_fields(scene, grid.x))
+
+    def points(self, state: Array) -> Array:
+        return state @ self._values
+
+    def linearised(self, tolerance: float) -> HermiteLinearisedStep:
+        grid, scene = self.plan.grid, self.plan.scene
+        return HermiteLinearisedStep(
+            grid.length, grid.nx, self.basis, scene.model, scene.cross_section, scene.initial.density, tolerance
+        )
+
+    def split(self) -> BaseMethod:
+        scene = self.plan.scene
+        if scene.operator == FOLLOW_LEADER:
+            return lawson(FollowLeaderHermite(self.basis, scene.cross_section).rate, self.linear)
+        return lawson(InelasticHermite(self.basis, scene.cross_section, scene.restitution).rate, self.linear)
+
+
+def hermite_basis(scene: Scene, count: int) -> HermiteBasis:
+    """About the homogeneous state's mean velocity, with the noise's variance."""
+    state = homogeneous_state(scene)
+    assert state is not None
+    return HermiteBasis(state.mean_velocity, scene.model.noise, count)
+
+
+def collision_operator(plan: Plan) -> CollisionOperator | None:
+    """The operator that the scene needs, on the plan's velocity points; None without collisions."""
+    scene = plan.scene
+    if scene.operator is None:
+        return None
+    if scene.operator == FOLLOW_LEADER:
+        return FollowLeader(plan.grid.v, scene.cross_section)
+    assert plan.deposit is not None
+    return Inelastic(plan.grid.v, scene.cross_section, scene.restitution, plan.deposit)
+
+
+def initial_state(scene: Scene, grid: PhaseSpaceGrid) -> Array:
+    """f at time 0, shape (nx, nv): Maxwellian, or the last frame of `initial.file` on this grid."""
+    if scene.initial.file is not None:
+        return initial.from_file(scene, grid.x, grid.v)
+    return initial.maxwellian(*_fields(scene, grid.x), grid.v)
+
+
+def _fields(scene: Scene, x: Array) -> tuple[Array, Array, Array]:
+    u0, theta0 = start_state(scene)
+    return initial.density(scene, x), initial.mean_velocity(scene, x, u0), initial.temperature(scene, x, theta0)

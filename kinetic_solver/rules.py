@@ -1,0 +1,403 @@
+"""The rules by which rtol chooses grid, window, step and schemes: docs/accuracy.md.
+
+Each bounds one error by a share of rtol. Constants marked "measured" come from the sweeps in benchmarks/accuracy_rules.py against
+the exact solution, with a safety factor.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+import warnings
+
+import numpy as np
+
+from kinetic_solver import initial
+from kinetic_solver.arrays import Array
+from kinetic_solver.grid import PhaseSpaceGrid
+from kinetic_solver.homogeneous import homogeneous_state, start_state
+from kinetic_solver.scene import FOLLOW_LEADER, INELASTIC, Scene, SceneError
+from kinetic_solver.velocity.hermite import HermiteBasis
+from kinetic_solver.velocity.kernel import resolved_spacing
+from kinetic_solver.velocity.ornstein_uhlenbeck import half_transport_time, transition
+
+DEPOSIT_ERROR = {"linear": (0.05, 2), "cubic": (0.03, 4), "quintic": (0.02, 6)}
+"""Measured, times a safety factor of 1.3 to 3: max f error / max f <= coefficient·(dv/√θ)^order·max(1, Sρ√θ/γ)."""
+STRANG_ERROR = {FOLLOW_LEADER: 0.015, INELASTIC: 0.06}
+"""Measured, times a safety factor of 2: max f error / max f <= coefficient·(rate·h)², times exp(0.3 R_t) for (6), (1 - ε²)² for
+(12); R_t and rate below."""
+FINITE_VOLUME_ERROR = {"finite-volume": (0.05, 2), "finite-volume-8": (0.05, 8)}
+"""Measured, times a safety factor: max f error / max f <= coefficient (1 + R_t² + R_t³) (dv/√σ)^order."""
+LAWSON_ERROR = 1.2e-4
+"""Measured: max f error / max f is about 1.2e-4 (rate h)^5, extrapolated Lawson method. It only estimates the number of steps."""
+MOST_HERMITE = 240
+"""Hermite functions; numpy's Gauss-Laguerre nodes, of which operator (12) needs three quarters as many, overflow beyond."""
+
+
+def frame_times(scene: Scene) -> Array:
+    """All times at which anything is written, merged."""
+    o = scene.output
+    cadences = (True, o.f, o.moments, o.scalars, o.budgets, o.moment_equations)
+    merged = np.unique(np.concatenate([scene.times(c) for c in cadences]))
+    close = np.diff(merged) > 1e-9 * scene.run.end_time
+    return merged[np.append(True, close)]
+
+
+class Rules:
+    """What each choice must resolve, for one scene; every answer leaves its reason in `reasons`."""
+
+    def __init__(self, scene: Scene, reasons: dict[str, str]) -> None:
+        self.scene, self.reasons = scene, reasons
+        self.rtol = scene.accuracy.rtol
+        self.tail = math.sqrt(2 * math.log(10 / self.rtol))
+        """Standard deviations at which a Gaussian is rtol/10 of its maximum."""
+        self.u0, self.theta0 = start_state(scene)
+        x = scene.pipe.length * np.arange(4096) / 4096
+        self.rho = initial.density(scene, x)
+        self.u = initial.mean_velocity(scene, x, self.u0)
+        self.theta = initial.temperature(scene, x, self.theta0)
+        self.rho_max = float(self.rho.max())
+        self.end = scene.run.end_time
+        self.whole = transition(scene.model, self.end)
+        theta_end = float(self.theta.max()) * self.whole.decay**2 + self.whole.velocity_variance
+        self.theta_max = max(float(self.theta.max()), theta_end)
+        theta_least = float(self.theta.min())
+        self.theta_min = min(theta_least, theta_least * self.whole.decay**2 + self.whole.velocity_variance)
+        if scene.operator == INELASTIC and (state := homogeneous_state(_at_density(scene, self.rho_max))) is not None:
+            self.theta_min = min(self.theta_min, state.temperature)
+
+    def window(self) -> tuple[float, float]:
+        """Mean ± tail of every Maxwellian that the flow passes through.
+
+        For (6) the slow side reaches further by twice R_t√θ, R_t = S ρ_max √θ (1 - exp(-γt))/γ: once since dense places
+        move that much slower, once since a disturbance there is amplified by up to exp(R_t w) (docs/theory.md, amplification).
+        """
+        decay, shift = self.whole.decay, self.whole.velocity_shift
+        means = [float(self.u.min()), float(self.u.max())]
+        means += [shift + mean * decay for mean in means]
+        reach = self.tail * math.sqrt(self.theta_max)
+        low, high = min(means) - reach, max(means) + reach
+        if self.scene.operator == FOLLOW_LEADER:
+            low -= 2 * self.amplification() * math.sqrt(self.theta_max)
+        self.reasons["velocity_window"] = (
+            f"{self.tail:.1f} standard deviations about the means from {min(means):.3g} to {max(means):.3g}"
+            + (", and the amplified slow tail of (6)" if self.scene.operator == FOLLOW_LEADER else "")
+        )
+        return low, high
+
+    def amplification(self) -> float:
+        """R_t = S ρ_max √θ_max (1 - exp(-γt))/γ: a slow disturbance w√θ from the mean grows by up to exp(R_t w) under (6)."""
+        return self.scene.cross_section * self.rho_max * math.sqrt(self.theta_max) * self.whole.drift_time
+
+    def deposit(self) -> str | None:
+        if self.scene.operator != INELASTIC:
+            return None
+        if self.scene.grid.deposit:
+            return self.scene.grid.deposit
+        name = "linear" if self.rtol >= 1e-3 else "cubic" if self.rtol >= 1e-6 else "quintic"
+        self.reasons["deposit"] = f"cheapest at rtol = {self.rtol:g}"
+        return name
+
+    def velocity(self) -> str:
+        model, name = self.scene.model, self.scene.grid.velocity or "finite-volume"
+        if name == "hermite":
+            if model.friction * model.noise == 0:
+                raise SceneError("grid.velocity = 'hermite': needs friction > 0 and noise > 0; allowed here: 'finite-volume'")
+            if self.scene.grid.stepping == "strang" or self.scene.grid.drift_diffusion is not None:
+                raise SceneError(
+                    "grid.velocity = 'hermite': has no 'strang' stepping and no drift_diffusion scheme; remove grid.stepping or "
+                    "grid.drift_diffusion, or set grid.velocity = 'finite-volume'"
+                )
+        return name
+
+    def stepping(self) -> str:
+        operator = self.scene.operator
+        if operator is None:
+            return "exact"
+        given = self.scene.grid.stepping
+        if given == "exact" and operator == INELASTIC:
+            raise SceneError(
+                "grid.stepping = 'exact': operator (12), 'inelastic', has no exact step; allowed: 'extrapolated', 'strang'"
+            )
+        return given or ("exact" if operator == FOLLOW_LEADER else "extrapolated")
+
+    def drift_diffusion(self) -> str:
+        model, given = self.scene.model, self.scene.grid.drift_diffusion
+        if model.friction * model.noise == 0 and given not in (None, "kernel"):
+            raise SceneError(f"grid.drift_diffusion = {given!r}: needs friction > 0 and noise > 0; allowed here: 'kernel'")
+        return given or "kernel"
+
+    def time_step(self, stepping: str, velocity: str, window: tuple[float, float], drift_diffusion: str) -> float | None:
+        operator, given = self.scene.operator, self.scene.grid.time_step
+        if operator is None or given:
+            return given if operator else None
+        if stepping == "strang":
+            coefficient = STRANG_ERROR[operator]
+            if operator == FOLLOW_LEADER:
+                coefficient *= math.exp(0.3 * self.amplification())
+            else:
+                coefficient *= (1 - self.scene.restitution**2) ** 2
+            h = min(1.0, math.sqrt(self.rtol / coefficient)) / self.rate()
+            self.reasons["time_step"] = f"splitting error {coefficient:.2g} (rate h)² = rtol, rate = {self.rate():.3g}"
+            return min(h, self.end)
+        limits = {"from frame to frame": float(np.diff(frame_times(self.scene)).max())}
+        if self.scene.output.budgets is not False:
+            limits["the budgets' integrals in time"] = self.budget_step()
+        if stepping == "exact" and velocity == "finite-volume":
+            limits["how far collisions move the flow within a step"] = self.farthest_exact_step()
+        reason, h = min(limits.items(), key=lambda item: item[1])
+        if stepping == "exact" and velocity == "finite-volume" and self.scene.grid.nv is None:
+            h, reason = self._cheapest(h, window, drift_diffusion, reason)
+        self.reasons["time_step"] = ("exact; " if stepping == "exact" else "error control; at most ") + reason
+        return h
+
+    def budget_step(self) -> float:
+        """At which the budgets' integrals in time, quintic splines, are good to about 1e-6 of what the terms bring."""
+        m = self.scene.model
+        return 0.25 / max(m.friction + self.collision_rate(), 0.25 / self.end)
+
+    def farthest_exact_step(self) -> float:
+        """Within an exact step are states that friction has not yet acted on: collisions may move them by a few √θ."""
+        friction = self.scene.model.friction
+        return min(4 / self.collision_rate(), 2 / friction if friction > 0 else math.inf)
+
+    def _cheapest(self, longest: float, window: tuple[float, float], drift_diffusion: str, reason: str) -> tuple[float, str]:
+        """Shorter steps shear less, so dv may be coarser; but the kernel of a step must be resolved."""
+        width, best = window[1] - window[0], (math.inf, longest, reason)
+        for n in (1, 2, 3, 4, 6, 8, 12, 16):
+            h = longest / n
+            dv = min(self._bounds("exact", h, None, drift_diffusion).values())
+            points = width / dv
+            cost = n * points * (200 + points)  # transforms and exponentials, and the product with the kernel
+            if cost < best[0]:
+                best = (cost, h, reason if n == 1 else "fewest points in v")
+        return best[1], best[2]
+
+    def collision_rate(self) -> float:
+        """Sρ√θ at the largest density and temperature."""
+        return self.scene.cross_section * self.rho_max * math.sqrt(self.theta_max)
+
+    def rate(self) -> float:
+        """The fastest rate at which the split parts of (2) fail to commute: γ, collisions, transport across a wave."""
+        k = 2 * math.pi / self.scene.pipe.length * self.initial_modes()
+        return self.scene.model.friction + self.collision_rate() + k * math.sqrt(self.theta_max)
+
+    def expected_steps(self, stepping: str, time_step: float | None) -> int:
+        scene, h = self.scene, math.inf if time_step is None else time_step
+        if stepping == "extrapolated" and scene.grid.time_step is None:
+            by_accuracy = (self.rtol / LAWSON_ERROR) ** 0.2 / self.rate()
+            fastest = self.collision_rate() * self.tail
+            h = min(h, by_accuracy, 5 / fastest if fastest > 0 else math.inf)
+        return sum(_steps(float(gap), h) for gap in np.diff(frame_times(scene)))
+
+    def error_share(self) -> float:
+        return 0.3 * math.exp(-0.3 * self.amplification()) if self.scene.operator == FOLLOW_LEADER else 0.5
+
+    def nv(
+        self, window: tuple[float, float], stepping: str, time_step: float | None, deposit: str | None, drift_diffusion: str
+    ) -> int:
+        """The coarsest dv that meets every bound."""
+        name, dv = min(self._bounds(stepping, time_step, deposit, drift_diffusion).items(), key=lambda item: item[1])
+        self.reasons["nv"] = f"dv = {dv:.3g} resolves {name}"
+        return max(8, math.ceil((window[1] - window[0]) / dv))
+
+    def _bounds(self, stepping: str, time_step: float | None, deposit: str | None, drift_diffusion: str) -> dict[str, float]:
+        scene, model = self.scene, self.scene.model
+        gaps = np.diff(frame_times(scene))
+        longest = float(gaps.max()) if time_step is None else min(float(gaps.max()), time_step)
+        # A Gaussian of variance θ has the spectrum exp(-θq²/2). The linear step moves waves exp(ikx) by τ before noise damps them
+        # (linear.py), which shifts their spectrum by kτ.
+        k, digits = self._waves()
+        shear = k * half_transport_time(model.friction, longest)
+        spectrum = float((shear + np.sqrt(2 * digits / self.theta_min)).max())
+        bounds = {"the narrowest velocity distribution": min(math.pi / spectrum, math.sqrt(self.theta_min) / 2)}
+        if (q := self._phase_mixing()) > 0:
+            bounds["phase mixing of the initial waves"] = math.pi / q
+        noisy = model.friction * model.noise > 0
+        if scene.operator is not None and noisy:
+            if drift_diffusion != "kernel" or (stepping == "extrapolated" and scene.operator == FOLLOW_LEADER):
+                name = "finite-volume-8" if drift_diffusion == "kernel" else drift_diffusion
+                coefficient, order = FINITE_VOLUME_ERROR[name]
+                coefficient *= self._tail_weight()
+                bounds[f"the finite volumes' error of order {order}"] = math.sqrt(model.noise) * (self.rtol / coefficient) ** (
+                    1 / order
+                )
+            elif stepping != "extrapolated":
+                h = float(gaps.min()) if time_step is None else _shortest_step(scene, time_step)
+                if stepping == "exact" and self.local_gauge():
+                    h /= 2
+                bounds["the Ornstein-Uhlenbeck kernel of one step"] = resolved_spacing(model, h)
+        if deposit is not None:
+            coefficient, order = DEPOSIT_ERROR[deposit]
+            relax = min(self.end, 1 / model.friction if model.friction > 0 else math.inf)
+            gain = max(1.0, self.collision_rate() * relax)
+            bounds[f"the {deposit} deposit of collision products"] = math.sqrt(self.theta_min) * (
+                self.rtol / (coefficient * gain)
+            ) ** (1 / order)
+        return bounds
+
+    def _tail_weight(self) -> float:
+        r = self.amplification() if self.scene.operator == FOLLOW_LEADER else 1.0
+        return 1 + r**2 + r**3
+
+    def gauge_range(self) -> float:
+        """S·(max - min) of the periodic part of the initial ∫ρ dx."""
+        if self.scene.homogeneous or self.scene.operator != FOLLOW_LEADER:
+            return 0.0
+        return self.scene.cross_section * float(np.ptp(self._potential()))
+
+    def local_gauge(self) -> bool:
+        """True where the exactly linearised step will need its local gauge (linearised/grid.py)."""
+        return float(np.finfo(float).eps) * math.exp(self.gauge_range()) > 0.05 * self.rtol
+
+    def _potential(self) -> Array:
+        """The periodic part of ∫ρ0 dx on the rules' points."""
+        x = self.scene.pipe.length * np.arange(self.rho.size) / self.rho.size
+        return initial.density_integral(self.scene, x) - self.scene.initial.density * x
+
+    @functools.cached_property
+    def _amplitudes(self) -> Array:
+        """The largest |f_k(v)| over a few velocities, over that of all k, for k = 0, 1, … modes."""
+        reach = self.tail * math.sqrt(float(self.theta.max()))
+        v = np.linspace(float(self.u.min()) - reach, float(self.u.max()) + reach, 33)
+        f = self.rho[:, None] / np.sqrt(self.theta[:, None])
+        f = f * np.exp(-((v - self.u[:, None]) ** 2) / (2 * self.theta[:, None]))
+        amplitude = np.abs(np.fft.rfft(f, axis=0)).max(axis=1)
+        return np.asarray(amplitude / amplitude.max())
+
+    def _waves(self) -> tuple[Array, Array]:
+        """(k, log(10 A_k/rtol)): the initial waves exp(ikx) of relative amplitude A_k above rtol/10, k = 0 always among them.
+
+        Those of f; for (6) those of f exp(S·periodic part of Φ), which is what evolves linearly.
+        """
+        amplitude = self._amplitudes
+        if self.scene.operator == FOLLOW_LEADER and not self.scene.homogeneous:
+            phi = self.scene.cross_section * self._potential()
+            weighted = np.abs(np.fft.rfft(self.rho * np.exp(phi - phi.max())))
+            amplitude = np.maximum(amplitude, weighted / weighted.max())
+        n = np.flatnonzero(amplitude > self.rtol / 10)
+        return 2 * math.pi / self.scene.pipe.length * n, np.log(10 * amplitude[n] / self.rtol)
+
+    def initial_modes(self) -> int:
+        """The highest Fourier mode of the initial f above rtol/10 of its mean, over a few velocities."""
+        return 0 if self.scene.homogeneous else int(np.flatnonzero(self._amplitudes > self.rtol / 10)[-1])
+
+    def hermite_count(self) -> int:
+        """Functions that hold the start, and the waves in v that free motion makes of the initial waves."""
+        scene, sigma = self.scene, self.scene.model.noise
+        state = homogeneous_state(scene)
+        assert state is not None
+        start = np.abs(HermiteBasis(state.mean_velocity, sigma, MOST_HERMITE).maxwellian(np.ones(4096), self.u, self.theta))
+        spread = start.max(axis=0)
+        n = int(np.flatnonzero(spread > self.rtol / 10)[-1])
+        if n >= MOST_HERMITE - 20:
+            low, high = math.sqrt(float(self.theta.min())), math.sqrt(float(self.theta.max()))
+            raise SceneError(
+                f"grid.velocity = 'hermite': temperatures from {low**2:.3g} to {high**2:.3g} need more than {MOST_HERMITE} "
+                f"functions of variance noise = {sigma:g} (none would do from {2 * sigma:g} on); allowed here: 'finite-volume'"
+            )
+        k, digits = self._waves()
+        orders = np.arange(MOST_HERMITE)
+        factorial = np.cumsum(np.log(np.maximum(orders, 1)))
+        # After t the wave exp(ikx) of a Maxwellian has coefficients exp(-k²D/2) (k√σ b)^n/√n!; b, D as in ornstein_uhlenbeck.py
+        for t in np.linspace(0, self.end, 33)[1:]:
+            step = transition(scene.model, float(t))
+            moved = k[1:, None] * step.drift_time * math.sqrt(sigma)
+            damped = digits[1:, None] - k[1:, None] ** 2 * step.displacement_variance / 2
+            above = damped + orders * np.log(moved) - factorial / 2 > 0
+            n = max(n, int(np.flatnonzero(above.any(axis=0))[-1]) if above.any() else 0)
+        if scene.operator is not None:
+            n = math.ceil(1.3 * n + 4 + self.amplification() ** 2 / 2)
+        self.reasons["nv"] = f"{n + 8} Hermite functions hold the start and the phase mixing of its waves"
+        return min(MOST_HERMITE, max(8, n + 8))
+
+    def nx(self) -> int:
+        if self.scene.homogeneous:
+            self.reasons["nx"] = "nothing depends on x"
+            return 1
+        n = self.initial_modes()
+        reason = f"{n} modes of the initial state"
+        if self.scene.operator is not None:
+            # Collisions steepen density fronts to tanh profiles of width 2/(S Δρ), whose spectrum falls as exp(-πk/(SΔρ)).
+            contrast = self.scene.cross_section * float(self.rho.max() - self.rho.min())
+            fronts = contrast * math.log(10 / self.rtol) / math.pi * self.scene.pipe.length / (2 * math.pi)
+            n = math.ceil(8 / 7 * (2 * n + fronts + 4))  # the highest eighth stays empty: the monitor watches it
+            reason += f", their products, and {math.ceil(fronts)} for the fronts that collisions can make"
+        self.reasons["nx"] = reason
+        return fast_odd(2 * n + 1)
+
+    def _phase_mixing(self) -> float:
+        """The largest v-wavenumber at which free motion still leaves an amplitude of rtol/10 of the initial waves.
+
+        f's joint characteristic function is Gaussian: at x-wavenumber k it has its peak at q = -kC/V with amplitude
+        exp(-k²(D - C²/V)/2) and width V^(-1/2), where V, C, D are the (co)variances of velocity and displacement.
+        """
+        k, digits = self._waves()
+        worst, theta = 0.0, float(self.theta.min())
+        for t in np.linspace(0, self.end, 65)[1:]:
+            step = transition(self.scene.model, float(t))
+            e, b = step.decay, step.drift_time
+            variance = theta * e * e + step.velocity_variance
+            if variance == 0:
+                continue
+            covariance = theta * b * e + step.covariance
+            rest = theta * b * b + step.displacement_variance - covariance**2 / variance
+            room = 2 * (digits - k**2 * rest / 2)
+            alive = room > 0
+            q = k[alive] * covariance / variance + np.sqrt(room[alive] / variance)
+            worst = max(worst, float(q.max(initial=0.0)))
+        return worst
+
+    def warn_of_an_unresolved_kernel(
+        self, grid: PhaseSpaceGrid, stepping: str, velocity: str, time_step: float | None, drift_diffusion: str
+    ) -> None:
+        """Where a given dv is too coarse for the kernel of a step, finite volumes of order 8 take its place."""
+        model = self.scene.model
+        if (
+            self.scene.operator is None
+            or velocity == "hermite"
+            or drift_diffusion != "kernel"
+            or stepping == "extrapolated"
+            or time_step is None
+            or model.friction * model.noise == 0
+        ):
+            return
+        h = _shortest_step(self.scene, time_step) / (2 if stepping == "exact" and self.local_gauge() else 1)
+        resolved = resolved_spacing(model, h)
+        coefficient, order = FINITE_VOLUME_ERROR["finite-volume-8"]
+        error = coefficient * self._tail_weight() * (grid.dv / math.sqrt(model.noise)) ** order
+        if grid.dv > resolved and error > self.rtol:
+            enough = math.ceil((grid.high - grid.low) / resolved)
+            warnings.warn(
+                f"dv = {grid.dv:.3g} is too coarse for the Ornstein-Uhlenbeck kernel of a step of {h:.3g}, and what takes its "
+                f"place errs by about {error:.1g} (accuracy.rtol = {self.rtol:g}); raise grid.nv to {enough} or lengthen "
+                "grid.time_step",
+                stacklevel=3,
+            )
+
+
+def _steps(interval: float, time_step: float) -> int:
+    return max(1, math.ceil(interval / time_step * (1 - 1e-12)))
+
+
+def _shortest_step(scene: Scene, time_step: float) -> float:
+    """The shortest step that fills some interval between frames."""
+    return min(float(gap) / _steps(float(gap), time_step) for gap in np.diff(frame_times(scene)))
+
+
+def _at_density(scene: Scene, density: float) -> Scene:
+    start = scene.initial.model_copy(update={"density": density})
+    return scene.model_copy(update={"initial": start})
+
+
+def fast_odd(n: int) -> int:
+    """The least odd number ≥ n with no prime factor above 7: a fast transform without a Nyquist mode."""
+    n |= 1
+    while True:
+        rest = n
+        for prime in (3, 5, 7):
+            while rest % prime == 0:
+                rest //= prime
+        if rest == 1:
+            return n
+        n += 2
