@@ -18,8 +18,8 @@ class Ledger:
 
     dp/dt = gN - γp + c₁ and dE/dt = gp - 2γE + σγN + c₂, with c₁ = ∫∫v C and c₂ = ½∫∫v² C evaluated on f. Without collisions
     their solution is closed, and the residual, total - initial - Σ terms, is what drift-diffusion got wrong. With collisions
-    p, E, c₁ and c₂ are integrated in time by a quintic spline through the ends of this record's steps and of a few before; the residual
-    then holds that quadrature's error too (Rules.budget_step keeps steps short enough for it to be small).
+    p, E, c₁ and c₂ are integrated in time by a quintic spline through the ends of this record's steps and of a few before; the
+    residual then holds that quadrature's error too (Rules.budget_step keeps steps short enough for it to be small).
     """
 
     HISTORY = 6

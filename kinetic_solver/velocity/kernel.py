@@ -49,15 +49,12 @@ class OrnsteinUhlenbeckKernel:
         if not self.positive(h):
             if self.unresolved is not None:
                 return self.unresolved.matrix(h)
-            return self._band_limited(arrival, step.velocity_variance)
+            return _with_unit_columns(self._band_limited(arrival, step.velocity_variance))
         distance = self.grid.v[:, None] - arrival[None, :]
         kernel = np.exp(-(distance**2) / (2 * step.velocity_variance))
         kernel *= self.grid.dv / np.sqrt(2 * np.pi * step.velocity_variance)
-        # What would leave the window stays where it is (a rejected move): local, positive, reversible. Twice, so that
-        # the sums are 1 to the last bit or two.
-        for _ in range(2):
-            kernel[np.diag_indices_from(kernel)] += 1 - kernel.sum(axis=0)
-        return kernel
+        # What would leave the window stays where it is (a rejected move): local, positive, reversible.
+        return _with_unit_columns(kernel)
 
     def _band_limited(self, arrival: Array, variance: float) -> Array:
         nv, period = self.grid.nv, self.grid.high - self.grid.low
@@ -66,3 +63,13 @@ class OrnsteinUhlenbeckKernel:
         weight[1 : (nv + 1) // 2] *= 2  # ±q; a Nyquist mode (even nv) counts once, as a cosine
         inward = np.exp(-1j * np.outer(q, arrival)) * (weight / nv)[:, None]
         return (np.exp(1j * np.outer(self.grid.v, q)) @ inward).real
+
+
+def _with_unit_columns(kernel: Array) -> Array:
+    """What a column's sum lacks of 1 goes on the diagonal, and what rounding leaves of it on a small entry, whose last bit weighs
+    little: a state that no longer changes repeats the same rounding in every step, and 10⁴ of them add up."""
+    columns = np.arange(kernel.shape[0])
+    small = np.where(np.abs(kernel) > 1e-2, np.abs(kernel), np.inf).argmin(axis=0)
+    for row in (columns, small):
+        kernel[row, columns] += (1 - kernel.sum(axis=0, dtype=np.longdouble)).astype(float)
+    return kernel
