@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
@@ -18,8 +20,9 @@ class Ledger:
 
     dp/dt = gN - γp + c₁ and dE/dt = gp - 2γE + σγN + c₂, with c₁ = ∫∫v C and c₂ = ½∫∫v² C evaluated on f. Without collisions
     their solution is closed, and the residual, total - initial - Σ terms, is what drift-diffusion got wrong. With collisions
-    p, E, c₁ and c₂ are integrated in time by a quintic spline through the ends of this record's steps and of a few before; the
-    residual then holds that quadrature's error too (Rules.budget_step keeps steps short enough for it to be small).
+    p, E, c₁ and c₂ are integrated in time, and the residual holds that quadrature's error too: over exact steps by the four-point
+    Gauss-Legendre rule (`over`), since the state is known at any time; else by a quintic spline through the ends of the steps
+    (`step`), which Rules.budget_step keeps short enough.
     """
 
     HISTORY = 6
@@ -31,6 +34,8 @@ class Ledger:
         self.initial = np.array(totals(grid, f))
         self._nodes: list[tuple[float, Array, Array]] = []
         self._booked = 0
+        self._integral = np.zeros(4)
+        self._exact = False
         self.step(0.0, f)
         self.brought = {
             "momentum_from_gravity": 0.0,
@@ -44,8 +49,20 @@ class Ledger:
 
     def step(self, time: float, f: Array) -> None:
         """A step has ended at `time`."""
-        change = totals(self.grid, self.operator.rate(f))[1:] if self.operator is not None else (0.0, 0.0)
-        self._nodes.append((time, np.array(totals(self.grid, f)), np.array(change)))
+        self._nodes.append((time, np.array(totals(self.grid, f)), self._collisions(f)))
+
+    def over(self, state_at: Callable[[float], Array], start: float, end: float) -> None:
+        """Integrate over a step whose f is known at any time."""
+        nodes, weights = np.polynomial.legendre.leggauss(4)
+        for node, weight in zip(nodes, weights, strict=True):
+            f = state_at((start + end) / 2 + (end - start) / 2 * node)
+            sample = np.array([*totals(self.grid, f)[1:], *self._collisions(f)])
+            self._integral = self._integral + (end - start) / 2 * weight * sample
+            self._exact = True
+
+    def _collisions(self, f: Array) -> Array:
+        """(c₁, c₂)."""
+        return np.array(totals(self.grid, self.operator.rate(f))[1:]) if self.operator is not None else np.zeros(2)
 
     def _book(self) -> None:
         """Integrate over the steps since the last record."""
@@ -56,10 +73,8 @@ class Ledger:
             return
         g, gamma, noise = self.model.gravity, self.model.friction, self.model.noise * self.model.friction
         if self.operator is not None:
-            times = [node[0] for node in self._nodes]
-            values = np.array([(*total[1:], *change) for _, total, change in self._nodes])
-            spline = make_interp_spline(times, values, k=min(5, len(times) - 1))
-            momentum_time, energy_time, c1, c2 = (float(value) for value in spline.integrate(start, end))
+            integral = self._integral if self._exact else self._spline_integral(start, end)
+            momentum_time, energy_time, c1, c2 = (float(value) for value in integral)
             work = g * momentum_time
             friction = (-gamma * momentum_time, -2 * gamma * energy_time)
         else:
@@ -79,6 +94,12 @@ class Ledger:
         self.brought["energy_from_collisions"] += c2
         self._nodes = self._nodes[-self.HISTORY :]
         self._booked = len(self._nodes) - 1
+        self._integral = np.zeros(4)
+
+    def _spline_integral(self, start: float, end: float) -> Array:
+        times = [node[0] for node in self._nodes]
+        values = np.array([(*total[1:], *change) for _, total, change in self._nodes])
+        return np.asarray(make_interp_spline(times, values, k=min(5, len(times) - 1)).integrate(start, end))
 
     def record(self) -> dict[str, float]:
         """Rates at the end of the last step, the amounts brought since time 0, and the residuals."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 import warnings
 from collections.abc import Callable, Iterator
@@ -14,7 +15,7 @@ import typer
 if TYPE_CHECKING:
     from kinetic_solver.scene import Scene
 
-DONE, FAILED, WRONG = 0, 1, 2
+FAILED, WRONG, INTERRUPTED = 1, 2, 130
 
 app = typer.Typer(
     name="kinetic-solver",
@@ -33,8 +34,27 @@ Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace an existin
 
 def main() -> None:
     """Entry point: errors become one line on stderr and an exit code."""
+    import signal
+
     warnings.showwarning = _show_warning  # type: ignore[assignment]
-    app()
+    signal.signal(signal.SIGTERM, _interrupt)
+    try:
+        code = typer.main.get_command(app)(standalone_mode=False)
+    except (typer.Abort, KeyboardInterrupt):
+        print("error: interrupted; the frames written are kept", file=sys.stderr)
+        code = INTERRUPTED
+    except Exception as error:
+        # What is wrong with the command itself. The class is click's, wherever typer has it from.
+        if not hasattr(error, "format_message"):
+            raise
+        message = error.format_message()
+        print(message if "Usage:" in message else f"error: {' '.join(message.split())}", file=sys.stderr)
+        code = WRONG
+    sys.exit(code)
+
+
+def _interrupt(*_: Any) -> None:
+    raise KeyboardInterrupt
 
 
 def _show_warning(message: Warning | str, *_: Any) -> None:
@@ -63,6 +83,20 @@ def _load(path: Path, overrides: list[str] | None) -> Scene:
     from kinetic_solver.scene import Scene, parse_override
 
     return Scene.from_toml(path, dict(parse_override(text) for text in overrides or ()))
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        from importlib.metadata import version
+
+        print(f"kinetic-solver {version('kinetic-solver')}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")] = False,
+) -> None: ...
 
 
 @app.command()
@@ -97,7 +131,7 @@ def _run_grid(scene: Scene, target: Path, overwrite: bool) -> None:
         with _progress() as progress:
             integrate(plan, recorder, progress)
     except BaseException as stop:
-        reason = str(stop) if isinstance(stop, SolverStopped) else f"interrupted by {type(stop).__name__}: {stop}"
+        reason = str(stop) if isinstance(stop, SolverStopped) else f"interrupted by {type(stop).__name__} {stop}".strip()
         recorder.close(stopped=reason)
         raise
     recorder.close()
@@ -153,6 +187,8 @@ def plot(
             chosen = [float(part) for part in times.split(",")] if times else None
         except ValueError:
             raise SceneError(f"--times {times!r}: expected numbers separated by commas") from None
+        if chosen and not all(math.isfinite(time) for time in chosen):
+            raise SceneError(f"--times {times!r}: expected finite numbers")
         target = output or run.with_suffix(".png")
         with open_run(run) as dataset:
             save_overview(dataset, target, chosen)
@@ -194,5 +230,7 @@ def init(scene: Annotated[Path, typer.Argument(metavar="SCENE.toml")] = Path("sc
 
         if scene.exists() and not overwrite:
             raise SceneError(f"{scene}: exists already; use --overwrite to replace it")
+        if not scene.parent.is_dir():
+            raise SceneError(f"{scene}: cannot be created (its folder does not exist)")
         scene.write_text(files("kinetic_solver").joinpath("template.toml").read_text(encoding="utf-8"), encoding="utf-8")
         print(f"wrote {scene}; now: kinetic-solver run {scene}")

@@ -23,7 +23,7 @@ from kinetic_solver.arrays import Array
 from kinetic_solver.fourier import RealTransform
 from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.scene import Model
-from kinetic_solver.transport import resolved_waves, shift_phases
+from kinetic_solver.transport import shift_phases
 from kinetic_solver.velocity import DriftDiffusion, HermiteBasis
 from kinetic_solver.velocity.hermite import propagators
 from kinetic_solver.velocity.ornstein_uhlenbeck import excess_displacement, half_transport_time
@@ -58,7 +58,6 @@ class LinearStep:
             if self.growth:
                 # exp(R(x - τv)), about the middle of the window: the constant does not matter
                 before *= np.exp(-self.growth * tau * (self.grid.v - (self.grid.low + self.grid.high) / 2))
-                before *= resolved_waves(self.grid)[:, None]
             after = before
             if gamma > 0:
                 # -(k - iR)² = -k² + 2ikR + a constant: growth moves the diffusing waves

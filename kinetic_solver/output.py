@@ -177,6 +177,8 @@ class MemoryRecorder:
 class NetCDFRecorder:
     """Writes each frame to a file and syncs it to disk: a killed run loses at most the frame in hand.
 
+    The file comes into being with the first frame, so a scene that is refused leaves none.
+
     Groups with a cadence of their own have a time dimension of known length, whose frames to come are NaN.
     Raises SceneError where the file exists and may not be overwritten, or cannot be created.
     """
@@ -184,21 +186,24 @@ class NetCDFRecorder:
     def __init__(
         self, path: str | Path, grid: PhaseSpaceGrid, scene: Scene, method: str = "grid", overwrite: bool = False
     ) -> None:
-        import netCDF4
-
         self.path = Path(path)
         if self.path.exists() and not overwrite:
             raise SceneError(f"{self.path}: exists already; use --overwrite to replace it, or name another file with -o")
-        try:
-            self._file = netCDF4.Dataset(self.path, "w", format="NETCDF3_64BIT_DATA")
-        except OSError as error:
-            raise SceneError(f"{self.path}: cannot be created ({error.strerror})") from None
+        if not self.path.parent.is_dir():
+            raise SceneError(f"{self.path}: cannot be created (its folder does not exist)")
+        self._grid, self._scene, self._method = grid, scene, method
+        self._file: Any = None
         self._dimensions = _time_dimensions(scene)
         self._count = dict.fromkeys(self._dimensions.values(), 0)
-        self._define(grid, scene, method)
 
-    def _define(self, grid: PhaseSpaceGrid, scene: Scene, method: str) -> None:
-        out = self._file
+    def _create(self) -> None:
+        import netCDF4
+
+        grid, scene, method = self._grid, self._scene, self._method
+        try:
+            self._file = out = netCDF4.Dataset(self.path, "w", format="NETCDF3_64BIT_DATA")
+        except OSError as error:
+            raise SceneError(f"{self.path}: cannot be created ({error.strerror})") from None
         out.setncatts(attributes(scene, method))
         for name, size in (("x", grid.nx), ("v", grid.nv), ("bounds", 2)):
             out.createDimension(name, size)
@@ -225,6 +230,8 @@ class NetCDFRecorder:
         self._sync()
 
     def record(self, time: float, frame: Frame) -> None:
+        if self._file is None:
+            self._create()
         for dimension in {self._dimensions[group] for group in frame}:
             index = self._count[dimension]
             for group, values in frame.items():
@@ -237,6 +244,8 @@ class NetCDFRecorder:
         self._sync()
 
     def close(self, stopped: str | None = None) -> None:
+        if self._file is None:
+            return
         self._file["status"][...] = STOPPED if stopped else FINISHED
         self._sync()
         if stopped:

@@ -27,6 +27,8 @@ class Plan:
     """"exact", "extrapolated" or "strang"."""
     time_step: float | None
     """Longest step; None: from frame to frame, or as error control finds."""
+    shortest_step: float
+    """Exact steps shorter than this are not built upon: their kernel is not resolved."""
     drift_diffusion: str
     deposit: str | None
     expected_steps: int
@@ -61,21 +63,37 @@ def make_plan(scene: Scene) -> Plan:
     reasons: dict[str, str] = {}
     if scene.initial.file is not None:
         scene = _on_the_files_grid(scene, reasons)
+    try:
+        return _make_plan(scene, reasons)
+    except (OverflowError, ZeroDivisionError) as error:
+        groups = scene.groups
+        raise SceneError(
+            f"the scene's numbers are out of range ({error}): R* = {groups.collision_number:.3g}, L* = {groups.length:.3g}, "
+            f"end_time = {scene.run.end_time:.3g}; allowed: what double precision can hold"
+        ) from None
+
+
+def _make_plan(scene: Scene, reasons: dict[str, str]) -> Plan:
     rules = Rules(scene, reasons)
+    rules.check_given()
     velocity, stepping = rules.velocity(), rules.stepping()
     window = scene.grid.velocity_window or rules.window()
     deposit = rules.deposit()
     drift_diffusion = rules.drift_diffusion()
-    time_step = rules.time_step(stepping, velocity, window, drift_diffusion)
+    time_step = rules.time_step(stepping, velocity, window)
     if velocity == "hermite":
         nv = scene.grid.nv or rules.hermite_count()
     else:
         nv = scene.grid.nv or rules.nv(window, stepping, time_step, deposit, drift_diffusion)
     nx = scene.grid.nx or rules.nx()
     grid = PhaseSpaceGrid(nx, nv, scene.pipe.length, *window)
-    rules.warn_of_an_unresolved_kernel(grid, stepping, velocity, time_step, drift_diffusion)
+    shortest = 0.0
+    if stepping == "exact" and velocity == "finite-volume":
+        shortest = rules.shortest_exact_step(grid)
+    elif stepping == "strang":
+        rules.warn_of_an_unresolved_kernel(grid, time_step, drift_diffusion)
     steps, share = rules.expected_steps(stepping, time_step), rules.error_share()
-    plan = Plan(scene, grid, velocity, stepping, time_step, drift_diffusion, deposit, steps, share, reasons)
+    plan = Plan(scene, grid, velocity, stepping, time_step, shortest, drift_diffusion, deposit, steps, share, reasons)
     _check_memory(plan)
     return plan
 

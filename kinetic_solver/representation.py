@@ -19,6 +19,7 @@ from kinetic_solver.plan import Plan
 from kinetic_solver.scene import FOLLOW_LEADER, Scene
 from kinetic_solver.stepping import BaseMethod, Substep, lawson, strang
 from kinetic_solver.velocity import DriftDiffusion, FiniteVolume, HermiteBasis, HighOrderFiniteVolume, OrnsteinUhlenbeckKernel
+from kinetic_solver.velocity.kernel import resolution
 
 
 class Representation(Protocol):
@@ -58,14 +59,19 @@ class VelocityPoints:
         self.linear: Substep = LinearStep(plan.grid, plan.scene.model, self._drift_diffusion())
 
     def start(self) -> Array:
-        return initial_state(self.plan.scene, self.plan.grid)
+        scene, grid = self.plan.scene, self.plan.grid
+        return initial_state(scene, grid, initial.resolved_density(scene, grid.x))
 
     def points(self, state: Array) -> Array:
         return state
 
     def linearised(self, tolerance: float) -> GridLinearisedStep:
-        scene = self.plan.scene
-        return GridLinearisedStep(self.plan.grid, scene.model, scene.cross_section, self._drift_diffusion(), tolerance)
+        scene, grid = self.plan.scene, self.plan.grid
+        drift_diffusion = self._drift_diffusion()
+        if self.plan.drift_diffusion == "kernel":
+            # Steps too short for the kernel are not built upon (stepping.ExactSteps), so its band-limited form will do for them.
+            drift_diffusion = OrnsteinUhlenbeckKernel(grid, scene.model, resolution=resolution(scene.accuracy.rtol))
+        return GridLinearisedStep(grid, scene.model, scene.cross_section, drift_diffusion, tolerance)
 
     def split(self) -> BaseMethod:
         operator = collision_operator(self.plan)
@@ -98,7 +104,12 @@ class HermiteCoefficients:
         scene, grid = self.plan.scene, self.plan.grid
         if scene.initial.file is not None:
             return self.basis.coefficients(initial.from_file(scene, grid.x, grid.v), grid.v)
-        return self.basis.maxwellian(*_fields(scene, grid.x))
+        u0, theta0 = start_state(scene)
+        return self.basis.maxwellian(
+            initial.resolved_density(scene, grid.x),
+            initial.mean_velocity(scene, grid.x, u0),
+            initial.temperature(scene, grid.x, theta0),
+        )
 
     def points(self, state: Array) -> Array:
         return state @ self._values
@@ -134,13 +145,14 @@ def collision_operator(plan: Plan) -> CollisionOperator | None:
     return Inelastic(plan.grid.v, scene.cross_section, scene.restitution, plan.deposit)
 
 
-def initial_state(scene: Scene, grid: PhaseSpaceGrid) -> Array:
-    """f at time 0, shape (nx, nv): Maxwellian, or the last frame of `initial.file` on this grid."""
+def initial_state(scene: Scene, grid: PhaseSpaceGrid, density: Array | None = None) -> Array:
+    """f at time 0, shape (nx, nv): Maxwellian, of the scene's density or the one given, or the last frame of `initial.file`."""
     if scene.initial.file is not None:
         return initial.from_file(scene, grid.x, grid.v)
-    return initial.maxwellian(*_fields(scene, grid.x), grid.v)
-
-
-def _fields(scene: Scene, x: Array) -> tuple[Array, Array, Array]:
     u0, theta0 = start_state(scene)
-    return initial.density(scene, x), initial.mean_velocity(scene, x, u0), initial.temperature(scene, x, theta0)
+    return initial.maxwellian(
+        initial.density(scene, grid.x) if density is None else density,
+        initial.mean_velocity(scene, grid.x, u0),
+        initial.temperature(scene, grid.x, theta0),
+        grid.v,
+    )

@@ -18,7 +18,7 @@ from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.homogeneous import homogeneous_state, start_state
 from kinetic_solver.scene import FOLLOW_LEADER, INELASTIC, Scene, SceneError
 from kinetic_solver.velocity.hermite import HermiteBasis
-from kinetic_solver.velocity.kernel import resolved_spacing
+from kinetic_solver.velocity.kernel import resolution, resolved_spacing
 from kinetic_solver.velocity.ornstein_uhlenbeck import half_transport_time, transition
 
 DEPOSIT_ERROR = {"linear": (0.05, 2), "cubic": (0.03, 4), "quintic": (0.02, 6)}
@@ -30,6 +30,8 @@ FINITE_VOLUME_ERROR = {"finite-volume": (0.05, 2), "finite-volume-8": (0.05, 8)}
 """Measured, times a safety factor: max f error / max f <= coefficient (1 + R_t² + R_t³) (dv/√σ)^order."""
 LAWSON_ERROR = 1.2e-4
 """Measured: max f error / max f is about 1.2e-4 (rate h)^5, extrapolated Lawson method. It only estimates the number of steps."""
+MOST_MODES = 20_000
+"""In x; more points than twice that are asked for by mistake, not by need."""
 MOST_HERMITE = 240
 """Hermite functions; numpy's Gauss-Laguerre nodes, of which operator (12) needs three quarters as many, overflow beyond."""
 
@@ -63,8 +65,15 @@ class Rules:
         self.theta_max = max(float(self.theta.max()), theta_end)
         theta_least = float(self.theta.min())
         self.theta_min = min(theta_least, theta_least * self.whole.decay**2 + self.whole.velocity_variance)
-        if scene.operator == INELASTIC and (state := homogeneous_state(_at_density(scene, self.rho_max))) is not None:
-            self.theta_min = min(self.theta_min, state.temperature)
+        if scene.operator == INELASTIC:
+            state = homogeneous_state(_at_density(scene, self.rho_max))
+            self.theta_min = min(self.theta_min, self._haff(theta_least) if state is None else state.temperature)
+
+    def _haff(self, theta: float) -> float:
+        """The temperature at the end of free cooling at the largest density: √θ' = -γ√θ - Cρ θ, C = S(1 - ε²)/√π (Haff 1983)."""
+        c = self.scene.cross_section * (1 - self.scene.restitution**2) / math.sqrt(math.pi) * self.rho_max
+        step = self.whole
+        return (math.sqrt(theta) * step.decay / (1 + c * math.sqrt(theta) * step.drift_time)) ** 2
 
     def window(self) -> tuple[float, float]:
         """Mean ± tail of every Maxwellian that the flow passes through.
@@ -72,9 +81,7 @@ class Rules:
         For (6) the slow side reaches further by twice R_t√θ, R_t = S ρ_max √θ (1 - exp(-γt))/γ: once since dense places
         move that much slower, once since a disturbance there is amplified by up to exp(R_t w) (docs/theory.md, amplification).
         """
-        decay, shift = self.whole.decay, self.whole.velocity_shift
-        means = [float(self.u.min()), float(self.u.max())]
-        means += [shift + mean * decay for mean in means]
+        means = self.means()
         reach = self.tail * math.sqrt(self.theta_max)
         low, high = min(means) - reach, max(means) + reach
         if self.scene.operator == FOLLOW_LEADER:
@@ -84,6 +91,28 @@ class Rules:
             + (", and the amplified slow tail of (6)" if self.scene.operator == FOLLOW_LEADER else "")
         )
         return low, high
+
+    def means(self) -> list[float]:
+        """Mean velocities at the start, and at the end as gravity and friction alone would have them."""
+        means = [float(self.u.min()), float(self.u.max())]
+        return means + [self.whole.velocity_shift + mean * self.whole.decay for mean in means]
+
+    def check_given(self) -> None:
+        """Refuses what no tolerance could excuse. Raises SceneError."""
+        grid, means = self.scene.grid, self.means()
+        if grid.velocity_window is not None:
+            low, high = grid.velocity_window
+            if not (low < min(means) and max(means) < high):
+                raise SceneError(
+                    f"grid.velocity_window = [{low:g}, {high:g}]: does not hold the mean velocities from {min(means):.4g} to "
+                    f"{max(means):.4g} that the flow takes; allowed: a window some standard deviations wider than these"
+                )
+        if grid.nx is not None and not self.scene.homogeneous and self.scene.initial.file is None:
+            start = self.scene.initial
+            modes = (*start.modes, *start.velocity_modes, *start.temperature_modes)
+            least = 2 * max((m.mode for m in modes), default=1) + 1
+            if grid.nx < least:
+                raise SceneError(f"grid.nx = {grid.nx}: cannot hold the initial state; allowed: {least} or more")
 
     def amplification(self) -> float:
         """R_t = S ρ_max √θ_max (1 - exp(-γt))/γ: a slow disturbance w√θ from the mean grows by up to exp(R_t w) under (6)."""
@@ -127,7 +156,7 @@ class Rules:
             raise SceneError(f"grid.drift_diffusion = {given!r}: needs friction > 0 and noise > 0; allowed here: 'kernel'")
         return given or "kernel"
 
-    def time_step(self, stepping: str, velocity: str, window: tuple[float, float], drift_diffusion: str) -> float | None:
+    def time_step(self, stepping: str, velocity: str, window: tuple[float, float]) -> float | None:
         operator, given = self.scene.operator, self.scene.grid.time_step
         if operator is None or given:
             return given if operator else None
@@ -141,37 +170,44 @@ class Rules:
             self.reasons["time_step"] = f"splitting error {coefficient:.2g} (rate h)² = rtol, rate = {self.rate():.3g}"
             return min(h, self.end)
         limits = {"from frame to frame": float(np.diff(frame_times(self.scene)).max())}
-        if self.scene.output.budgets is not False:
+        if stepping == "extrapolated" and self.scene.output.budgets is not False:
             limits["the budgets' integrals in time"] = self.budget_step()
-        if stepping == "exact" and velocity == "finite-volume":
+        if stepping == "exact":
             limits["how far collisions move the flow within a step"] = self.farthest_exact_step()
+            if velocity == "finite-volume" and self.scene.grid.nv is None:
+                limits["fewest points in v"] = self.cheapest_exact_step(window)
         reason, h = min(limits.items(), key=lambda item: item[1])
-        if stepping == "exact" and velocity == "finite-volume" and self.scene.grid.nv is None:
-            h, reason = self._cheapest(h, window, drift_diffusion, reason)
         self.reasons["time_step"] = ("exact; " if stepping == "exact" else "error control; at most ") + reason
         return h
 
     def budget_step(self) -> float:
         """At which the budgets' integrals in time, quintic splines, are good to about 1e-6 of what the terms bring."""
-        m = self.scene.model
-        return 0.25 / max(m.friction + self.collision_rate(), 0.25 / self.end)
+        return 0.25 / max(self.scene.model.friction + self.collision_rate(), 0.25 / self.end)
 
     def farthest_exact_step(self) -> float:
         """Within an exact step are states that friction has not yet acted on: collisions may move them by a few √θ."""
         friction = self.scene.model.friction
-        return min(4 / self.collision_rate(), 2 / friction if friction > 0 else math.inf)
+        return min(4 / self.collision_rate(), 2 / friction if friction > 0 else math.inf, self.end)
 
-    def _cheapest(self, longest: float, window: tuple[float, float], drift_diffusion: str, reason: str) -> tuple[float, str]:
-        """Shorter steps shear less, so dv may be coarser; but the kernel of a step must be resolved."""
-        width, best = window[1] - window[0], (math.inf, longest, reason)
-        for n in (1, 2, 3, 4, 6, 8, 12, 16):
-            h = longest / n
-            dv = min(self._bounds("exact", h, None, drift_diffusion).values())
-            points = width / dv
-            cost = n * points * (200 + points)  # transforms and exponentials, and the product with the kernel
-            if cost < best[0]:
-                best = (cost, h, reason if n == 1 else "fewest points in v")
-        return best[1], best[2]
+    def cheapest_exact_step(self, window: tuple[float, float]) -> float:
+        """Shorter steps shear less, so dv may be coarser, until the kernel of a step asks for a finer one."""
+        width, best = window[1] - window[0], (math.inf, 0.0)
+        for n in (1, 1.5, 2, 3, 4, 6, 8, 12, 16):
+            h = self.farthest_exact_step() / n
+            points = width / min(self._bounds("exact", h, None, "kernel").values())
+            best = min(best, (n * points * (200 + points), h))  # transforms and exponentials, and the product with the kernel
+        return best[1]
+
+    def shortest_exact_step(self, grid: PhaseSpaceGrid) -> float:
+        """The time after which dv resolves the kernel, twice that in the local gauge; where none does, the farthest step."""
+        gamma, sigma = self.scene.model.friction, self.scene.model.noise
+        if gamma * sigma == 0 or self.scene.operator is None:
+            return 0.0
+        spread = (resolution(self.rtol) * grid.dv) ** 2 / sigma
+        longest = self.farthest_exact_step()
+        if spread >= 1:
+            return longest
+        return min(longest, -math.log1p(-spread) / (2 * gamma) * (2 if self.local_gauge() else 1))
 
     def collision_rate(self) -> float:
         """Sρ√θ at the largest density and temperature."""
@@ -222,11 +258,17 @@ class Rules:
                 bounds[f"the finite volumes' error of order {order}"] = math.sqrt(model.noise) * (self.rtol / coefficient) ** (
                     1 / order
                 )
-            elif stepping != "extrapolated":
-                h = float(gaps.min()) if time_step is None else _shortest_step(scene, time_step)
-                if stepping == "exact" and self.local_gauge():
-                    h /= 2
-                bounds["the Ornstein-Uhlenbeck kernel of one step"] = resolved_spacing(model, h)
+            elif stepping == "exact":
+                h = min(self.farthest_exact_step(), time_step or math.inf)
+                bounds["the Ornstein-Uhlenbeck kernel of one step"] = resolved_spacing(
+                    model, h / 2 if self.local_gauge() else h, resolution(self.rtol)
+                )
+            elif stepping == "strang":
+                # Finite volumes of order 8 take over where dv is too coarse for the kernel: no need to be finer than they ask.
+                coefficient, order = FINITE_VOLUME_ERROR["finite-volume-8"]
+                enough = math.sqrt(model.noise) * (self.rtol / (coefficient * self._tail_weight())) ** (1 / order)
+                kernel = resolved_spacing(model, _shortest_step(scene, float(time_step or gaps.min())))
+                bounds["the Ornstein-Uhlenbeck kernel of one step"] = max(kernel, enough)
         if deposit is not None:
             coefficient, order = DEPOSIT_ERROR[deposit]
             relax = min(self.end, 1 / model.friction if model.friction > 0 else math.inf)
@@ -271,16 +313,22 @@ class Rules:
         Those of f; for (6) those of f exp(S·periodic part of Φ), which is what evolves linearly.
         """
         amplitude = self._amplitudes
+        if self.scene.initial.step is not None:
+            amplitude = amplitude[: self.step_modes() + 1]
         if self.scene.operator == FOLLOW_LEADER and not self.scene.homogeneous:
             phi = self.scene.cross_section * self._potential()
             weighted = np.abs(np.fft.rfft(self.rho * np.exp(phi - phi.max())))
-            amplitude = np.maximum(amplitude, weighted / weighted.max())
+            amplitude = np.maximum(amplitude, (weighted / weighted.max())[: amplitude.size])
         n = np.flatnonzero(amplitude > self.rtol / 10)
         return 2 * math.pi / self.scene.pipe.length * n, np.log(10 * amplitude[n] / self.rtol)
 
     def initial_modes(self) -> int:
         """The highest Fourier mode of the initial f above rtol/10 of its mean, over a few velocities."""
-        return 0 if self.scene.homogeneous else int(np.flatnonzero(self._amplitudes > self.rtol / 10)[-1])
+        if self.scene.homogeneous:
+            return 0
+        if self.scene.initial.step is not None:
+            return self.step_modes()
+        return int(np.flatnonzero(self._amplitudes > self.rtol / 10)[-1])
 
     def hermite_count(self) -> int:
         """Functions that hold the start, and the waves in v that free motion makes of the initial waves."""
@@ -318,13 +366,41 @@ class Rules:
         n = self.initial_modes()
         reason = f"{n} modes of the initial state"
         if self.scene.operator is not None:
-            # Collisions steepen density fronts to tanh profiles of width 2/(S Δρ), whose spectrum falls as exp(-πk/(SΔρ)).
-            contrast = self.scene.cross_section * float(self.rho.max() - self.rho.min())
-            fronts = contrast * math.log(10 / self.rtol) / math.pi * self.scene.pipe.length / (2 * math.pi)
-            n = math.ceil(8 / 7 * (2 * n + fronts + 4))  # the highest eighth stays empty: the monitor watches it
-            reason += f", their products, and {math.ceil(fronts)} for the fronts that collisions can make"
+            if self.scene.operator == FOLLOW_LEADER:
+                # Collisions steepen density fronts to tanh profiles of width 2/(S Δρ), whose spectrum falls as exp(-πk/(SΔρ)).
+                contrast = self.scene.cross_section * float(self.rho.max() - self.rho.min())
+                more = contrast * math.log(10 / self.rtol) / math.pi * self.scene.pipe.length / (2 * math.pi)
+                why = "the fronts that collisions can make"
+            else:
+                # Temperature and velocity follow the density: functions such as 1/ρ, with harmonics of their own.
+                follows = np.abs(np.fft.rfft(1 / (self.rho + 0.02 * self.rho_max)))
+                more = 0.0 if self.scene.initial.step else float(np.flatnonzero(follows > self.rtol / 10 * follows.max())[-1])
+                why = "the harmonics in fields that follow the density"
+            n = math.ceil(8 / 7 * (2 * n + more + 4))  # the highest eighth stays empty: the monitor watches it
+            reason += f", their products, and {math.ceil(more)} for {why}"
         self.reasons["nx"] = reason
+        if n > MOST_MODES:
+            raise SceneError(
+                f"grid.nx: {n} modes would be needed; allowed: {MOST_MODES}; raise accuracy.rtol or shorten pipe.length"
+            )
         return fast_odd(2 * n + 1)
+
+    def step_modes(self) -> int:
+        """Modes of a density step that noise has not damped to rtol/10 by the first frame after the start."""
+        first = transition(self.scene.model, float(frame_times(self.scene)[1]))
+        theta = float(self.theta.min())
+        variance = theta * first.decay**2 + first.velocity_variance
+        covariance = theta * first.drift_time * first.decay + first.covariance
+        rest = theta * first.drift_time**2 + first.displacement_variance - covariance**2 / variance
+        k = 2 * math.pi / self.scene.pipe.length * np.arange(1, MOST_MODES)
+        alive = np.exp(-(k**2) * rest / 2) / np.arange(1, MOST_MODES) > self.rtol / 10
+        if alive[-1]:
+            raise SceneError(
+                f"initial.step: at rtol = {self.rtol:g} a jump needs more than {MOST_MODES} modes at the first frame, "
+                f"t = {float(frame_times(self.scene)[1]):g}; allowed: a later one (run.output_every), a larger accuracy.rtol, or "
+                "a given grid.nx"
+            )
+        return int(np.flatnonzero(alive)[-1]) + 1 if alive.any() else 1
 
     def _phase_mixing(self) -> float:
         """The largest v-wavenumber at which free motion still leaves an amplitude of rtol/10 of the initial waves.
@@ -348,21 +424,17 @@ class Rules:
             worst = max(worst, float(q.max(initial=0.0)))
         return worst
 
-    def warn_of_an_unresolved_kernel(
-        self, grid: PhaseSpaceGrid, stepping: str, velocity: str, time_step: float | None, drift_diffusion: str
-    ) -> None:
+    def warn_of_an_unresolved_kernel(self, grid: PhaseSpaceGrid, time_step: float | None, drift_diffusion: str) -> None:
         """Where a given dv is too coarse for the kernel of a step, finite volumes of order 8 take its place."""
         model = self.scene.model
         if (
-            self.scene.operator is None
-            or velocity == "hermite"
+            time_step is None
             or drift_diffusion != "kernel"
-            or stepping == "extrapolated"
-            or time_step is None
+            or self.scene.operator != FOLLOW_LEADER
             or model.friction * model.noise == 0
         ):
             return
-        h = _shortest_step(self.scene, time_step) / (2 if stepping == "exact" and self.local_gauge() else 1)
+        h = _shortest_step(self.scene, time_step)
         resolved = resolved_spacing(model, h)
         coefficient, order = FINITE_VOLUME_ERROR["finite-volume-8"]
         error = coefficient * self._tail_weight() * (grid.dv / math.sqrt(model.noise)) ** order

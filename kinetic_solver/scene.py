@@ -19,6 +19,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from kinetic_solver.arrays import Array
 
+MOST_FRAMES = 1_000_000
 FOLLOW_LEADER = "follow-the-leader"
 INELASTIC = "inelastic"
 
@@ -26,11 +27,18 @@ Real = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Positive = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0)]
 NonNegative = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0)]
 Count = Annotated[int, Field(strict=True, ge=1)]
+ModeNumber = Annotated[int, Field(strict=True, ge=1, le=10_000)]
 Fraction = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0, le=1)]
 
 
 class SceneError(ValueError):
     """A scene or a command is wrong. The message is one line: which key, what was given, what is allowed."""
+
+
+def shorten(value: Any) -> str:
+    """repr, cut to the length of a message."""
+    text = repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."
 
 
 class _Table(BaseModel):
@@ -45,7 +53,7 @@ class _Table(BaseModel):
                 if key not in known:
                     near = difflib.get_close_matches(str(key), sorted(known), n=1, cutoff=0.5)
                     hint = f"did you mean {near[0]!r}?" if near else "allowed: " + ", ".join(sorted(known))
-                    raise ValueError(f"unknown key {key!r}; {hint}")
+                    raise ValueError(f"unknown key {key!r} = {shorten(data[key])}; {hint}")
         return data
 
 
@@ -86,7 +94,7 @@ class Pipe(_Table):
 class Mode(_Table):
     """cos·cos(2π mode x/L) + sin·sin(2π mode x/L)."""
 
-    mode: Count
+    mode: ModeNumber
     cos: Real = 0.0
     sin: Real = 0.0
 
@@ -150,6 +158,8 @@ class Initial(_Table):
     def _physical(self) -> Initial:
         if self.modes and self.step is not None:
             raise ValueError("modes and step are both given; allowed: one of them")
+        if self.step is not None and self.step.ratio == 0 and self.step.end - self.step.start == 1:
+            raise ValueError("step from = 0, to = 1, ratio = 0 leaves no particles; allowed: ratio > 0, or a part of the pipe")
         if (low := 1 + _minimum(self.modes)) < -1e-12:
             raise ValueError(f"modes make the density negative (minimum {low:.4g} times the mean); reduce their amplitudes")
         if (low := 1 + _minimum(self.temperature_modes)) <= 0:
@@ -168,6 +178,14 @@ class Run(_Table):
     end_time: Positive
     output_every: Positive | None = None
     """Frames at 0, every output_every, and end_time; None means end_time."""
+
+    @model_validator(mode="after")
+    def _countable(self) -> Run:
+        if self.output_every is not None and self.end_time / self.output_every > MOST_FRAMES:
+            raise ValueError(
+                f"output_every = {self.output_every:g} makes more than {MOST_FRAMES} frames until end_time; raise it"
+            )
+        return self
 
 
 Cadence = Annotated[bool, Field(strict=True)] | Positive
@@ -189,8 +207,14 @@ class Output(_Table):
 
 
 class Accuracy(_Table):
-    rtol: Annotated[float, Field(strict=True, allow_inf_nan=False, ge=1e-10, le=1e-1)] = 1e-4
+    rtol: Annotated[float, Field(strict=True, allow_inf_nan=False)] = 1e-4
     """Wanted: max|Δf| ≤ rtol·max|f|. Chooses what [grid] leaves open."""
+
+    @model_validator(mode="after")
+    def _reachable(self) -> Accuracy:
+        if not 1e-10 <= self.rtol <= 0.1:
+            raise ValueError(f"rtol = {self.rtol:g}: allowed: 1e-10 to 0.1")
+        return self
 
 
 class Grid(_Table):
@@ -349,7 +373,10 @@ def parse_override(text: str) -> tuple[str, Any]:
     if not separator or not key.strip():
         raise SceneError(f"--set {text!r}: expected a.b=value")
     try:
-        value = tomllib.loads(f"value = {raw}")["value"]
+        parsed = tomllib.loads(f"value = {raw}")
+        if set(parsed) != {"value"}:
+            raise SceneError(f"--set {text!r}: expected one value")
+        value = parsed["value"]
     except tomllib.TOMLDecodeError:
         value = raw.strip()
     return key.strip(), value
@@ -361,15 +388,18 @@ def one_line(error: ValidationError) -> str:
     first = problems[0]
     where = ".".join(str(part) for part in first["loc"] if not _is_union_branch(str(part)))
     message = first["msg"].removeprefix("Value error, ")
-    message = message[0].lower() + message[1:]
+    message = message[0].lower() + message[1:].replace("tuple", "pair of numbers")
     if first["type"] == "missing":
         text = f"{where}: is missing"
     elif first["type"] == "value_error":
         text = f"{where}: {message}" if where else message
     else:
-        text = f"{where} = {first['input']!r}: {message}"
+        text = f"{where} = {shorten(first['input'])}: {message}"
     if "\n" in text:
         text = " ".join(text.split())
+    if first["loc"][:1] == ("output",) and first["type"] != "value_error":
+        message = "input should be false, true, or a time interval greater than 0"
+        text = f"{where} = {shorten(first['input'])}: {message}"
     others = len({tuple(map(str, p["loc"][:2])) for p in problems}) - 1
     return text + (f" (and {others} more)" if others > 0 else "")
 

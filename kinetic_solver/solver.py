@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import math
+import warnings
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
@@ -16,10 +18,10 @@ from kinetic_solver.moments import moment_equations, moments, totals
 from kinetic_solver.monitor import Monitor, SolverStopped
 from kinetic_solver.output import MemoryRecorder, Recorder
 from kinetic_solver.plan import Plan, make_plan
-from kinetic_solver.representation import Representation, collision_operator, make_representation
+from kinetic_solver.representation import Representation, collision_operator, initial_state, make_representation
 from kinetic_solver.rules import frame_times
-from kinetic_solver.scene import Scene
-from kinetic_solver.stepping import Controlled, ExactSteps, Extrapolated, LostAccuracy, Stepper, StepTooSmall
+from kinetic_solver.scene import Scene, SceneError
+from kinetic_solver.stepping import Controlled, ExactStep, ExactSteps, Extrapolated, LostAccuracy, Plain, Stepper, StepTooSmall
 from kinetic_solver.threads import one_blas_thread
 
 if TYPE_CHECKING:
@@ -55,7 +57,7 @@ def make_stepper(plan: Plan, representation: Representation) -> Stepper:
     scene, rtol = plan.scene, plan.scene.accuracy.rtol
     longest = math.inf if plan.time_step is None else plan.time_step
     if scene.operator is None:
-        return ExactSteps(representation.linear)
+        return ExactSteps(Plain(representation.linear))
     base = representation.split()
     if plan.stepping == "strang":
         return Controlled(Extrapolated(base), lambda f: math.inf, fixed=plan.time_step)
@@ -70,7 +72,29 @@ def make_stepper(plan: Plan, representation: Representation) -> Stepper:
     if plan.stepping == "extrapolated":
         return Controlled(method, tolerance, longest, scene.grid.time_step)
     step = representation.linearised(0.05 * rtol)
-    return ExactSteps(step, longest, fallback=Controlled(method, tolerance, longest))
+    early = Early(plan) if plan.shortest_step > 0 and scene.initial.file is None else None
+    return ExactSteps(step, longest, plan.shortest_step, early, Controlled(method, tolerance))
+
+
+class Early:
+    """f at a time too short for the kernel on the plan's velocity points: one step on points three or nine times as dense, on which
+    the Maxwellian start is known as well."""
+
+    def __init__(self, plan: Plan) -> None:
+        self.plan = plan
+        self._finer: dict[int, tuple[ExactStep, Any]] = {}
+
+    def __call__(self, time: float) -> Array:
+        # The kernel's width goes as the square root of short times.
+        factor = next((n for n in (3, 9) if time * n**2 >= self.plan.shortest_step), 9)
+        if factor not in self._finer:
+            grid = dataclasses.replace(self.plan.grid, nv=self.plan.grid.nv * factor)
+            representation = make_representation(dataclasses.replace(self.plan, grid=grid))
+            step: ExactStep = representation.linearised(0.05 * self.plan.scene.accuracy.rtol)
+            self._finer[factor] = (step, step.lift(representation.start()))
+        step, start = self._finer[factor]
+        # Three or nine fine cells make one of the plan's, whose centre is the middle one's.
+        return step.lower(step.propagate(start, time))[:, factor // 2 :: factor]
 
 
 def integrate(plan: Plan, recorder: Recorder, progress: Progress | None = None) -> None:
@@ -89,12 +113,20 @@ def _integrate(plan: Plan, recorder: Recorder, progress: Progress | None) -> Non
     f = representation.points(state)
     ledger = Ledger(grid, scene.model, operator, f) if scene.output.budgets is not False else None
     frames = Frames(plan, recorder, operator, ledger)
-    frames.write(0.0, f, monitor.check(f, 0.0))
+    try:
+        diagnostics = monitor.check(f, 0.0)
+    except SolverStopped as stop:
+        raise SceneError(str(stop)) from None
+    # A step in the density is stepped as the grid can carry it, and shown as it is.
+    frames.write(0.0, f, diagnostics, shown=f if scene.initial.step is None else initial_state(scene, grid))
     steps = itertools.count(1)
     times = frame_times(scene).tolist()
     if ledger is not None and operator is not None:
-        # The budgets' integrals in time need a few points from the start.
-        times = sorted({*times, *np.linspace(0.0, times[1], 5)[1:-1].tolist()})
+        if isinstance(stepper, ExactSteps):
+            book = ledger
+            stepper.between = lambda state_at, start, end: book.over(lambda t: representation.points(state_at(t)), start, end)
+        else:  # a spline needs a few points from the start
+            times = sorted({*times, *np.linspace(0.0, times[1], 5)[1:-1].tolist()})
     for start, end in itertools.pairwise(times):
 
         def observe(state: Array, elapsed: float, start: float = start, end: float = end) -> None:
@@ -116,6 +148,14 @@ def _integrate(plan: Plan, recorder: Recorder, progress: Progress | None) -> Non
                 f"between t = {start:.6g} and {end:.6g}: {error}; raise accuracy.rtol, or refine grid.nx and grid.nv"
             ) from None
         frames.write(end, f, monitor.check(f, end))
+    if isinstance(stepper, Controlled) and stepper.fixed is not None:
+        estimate = stepper.error / float(np.abs(f).max())
+        if estimate > scene.accuracy.rtol:
+            warnings.warn(
+                f"grid.time_step = {stepper.fixed:g}: the steps' errors may add up to {estimate:.2g} of max f (accuracy.rtol = "
+                f"{scene.accuracy.rtol:g}); reduce it, or leave it out",
+                stacklevel=2,
+            )
 
 
 class Frames:
@@ -129,16 +169,17 @@ class Frames:
     def _is_due(self, group: str, time: float) -> bool:
         return bool(np.any(np.abs(self._due[group] - time) <= 1e-9 * self.plan.scene.run.end_time))
 
-    def write(self, time: float, f: Array, diagnostics: dict[str, float]) -> None:
+    def write(self, time: float, f: Array, diagnostics: dict[str, float], shown: Array | None = None) -> None:
+        """`shown` stands for f in the fields over x and v, where given."""
         due = {group for group in self._due if self._is_due(group, time)}
         if not due:
             return
         grid, model = self.plan.grid, self.plan.scene.model
         frame: dict[str, dict[str, Any]] = {}
         if "f" in due:
-            frame["f"] = {"f": f}
+            frame["f"] = {"f": f if shown is None else shown}
         if "moments" in due:
-            m = moments(grid, f)
+            m = moments(grid, f if shown is None else shown)
             frame["moments"] = {
                 "density": m.density,
                 "mean_velocity": m.mean_velocity,

@@ -36,18 +36,26 @@ from kinetic_solver.velocity.ornstein_uhlenbeck import transition, transport_tim
 ROUND_OFF = float(np.finfo(float).eps)
 
 
-class GridLinearisedStep:
-    """Substep f → f(t + h), shapes (nx, nv), for operator (6) and any h.
+@dataclass(frozen=True)
+class Lifted:
+    """f, or in the global gauge F's periodic part up to a constant factor; (nx, nv)."""
 
-    Mass is conserved to round-off by construction: the density is advanced in flux form, ρ' = ρ + ∂_x(log η)/S with η = E'/E, and
-    f takes that density. `density_defect` is the largest difference, over max ρ, between it and the sum over f that it replaces,
-    since the start: it vanishes where x is resolved, and measures the error where it is not.
+    values: Array
+    is_global: bool
+
+
+class GridLinearisedStep:
+    """f of shape (nx, nv) → f(t + h), for operator (6) and any h: `lower(propagate(lift(f), h))`.
+
+    In the global gauge `propagate` is linear and many steps are as good as one. Mass is conserved to round-off by construction: f
+    takes its density in flux form, ρ' = ρ + ∂_x(log η)/S with η = E'/E. `density_defect` is the largest difference so far, over
+    max ρ, between it and the sum over f that it replaces: it vanishes where x is resolved, and measures the error where it is not.
     `tolerance` decides between the gauges: the global one is used where its round-off stays below.
-    Raises LostAccuracy where the step cannot be done: E not positive, or not a number.
+    Raises LostAccuracy where E is not positive, or not a number.
     """
 
     name = "linearised"
-    _TABLES = 4
+    _TABLES = 8
 
     def __init__(
         self, grid: PhaseSpaceGrid, model: Model, cross_section: float, drift_diffusion: DriftDiffusion, tolerance: float
@@ -58,6 +66,7 @@ class GridLinearisedStep:
         self.drift_diffusion = drift_diffusion
         self.tolerance = tolerance
         self.density_defect = 0.0
+        self._mean_density = 0.0
         self._growing: LinearStep | None = None
         self._transform = RealTransform(grid.nx, grid.nv)
         self._shifts: OrderedDict[float, _LocalTables] = OrderedDict()
@@ -65,35 +74,48 @@ class GridLinearisedStep:
         self._derivative = derivative(np.eye(grid.nx), grid.wavenumbers)
 
     def __call__(self, f: Array, h: float) -> Array:
-        # Whatever goes wrong inside shows as a density that is not a positive number, which is looked for.
-        with np.errstate(all="ignore"):
-            if ROUND_OFF * np.exp(self.gauge_range(f)) <= self.tolerance:
-                return self._global(f, h)
-            tables = self._table(h)
-            f = self._transported(f, tables.outer) @ tables.kernel_t
-            f = self._transported(f, tables.inner) @ tables.kernel_t
-            return self._transported(f, tables.outer)
+        return self.lower(self.propagate(self.lift(f), h))
 
     def gauge_range(self, f: Array) -> float:
         """S·(max - min) of the periodic part of Φ: the logarithm of max W/min W."""
-        potential = self._potential(f.sum(axis=1) * self.grid.dv)
-        return float(np.ptp(potential)) * self.cross_section
+        return float(np.ptp(self._potential(f.sum(axis=1) * self.grid.dv))) * self.cross_section
+
+    def lift(self, f: Array) -> Lifted:
+        density = f.sum(axis=1) * self.grid.dv
+        phi = self.cross_section * self._potential(density)
+        if ROUND_OFF * np.exp(np.ptp(phi)) > self.tolerance:
+            return Lifted(f, is_global=False)
+        if self._growing is None:  # the mean density is conserved
+            self._mean_density = float(density.mean())
+            growth = self.cross_section * self._mean_density
+            self._growing = LinearStep(self.grid, self.model, self.drift_diffusion, growth)
+        return Lifted(f * np.exp(phi - phi.max())[:, None], is_global=True)
+
+    def propagate(self, lifted: Lifted, h: float) -> Lifted:
+        # Whatever goes wrong inside shows as a density that is not a positive number, which is looked for.
+        with np.errstate(all="ignore"):
+            if lifted.is_global:
+                assert self._growing is not None
+                values = self._growing(lifted.values, h)
+                return Lifted(values / values.max(), is_global=True)
+            tables = self._table(h)
+            f = self._transported(lifted.values, tables.outer) @ tables.kernel_t
+            f = self._transported(f, tables.inner) @ tables.kernel_t
+            # The range of Φ only shrinks: once it allows the global gauge, that takes over.
+            return self.lift(self._transported(f, tables.outer))
+
+    def lower(self, lifted: Lifted) -> Array:
+        if not lifted.is_global:
+            return lifted.values
+        s, mean, k = self.cross_section, self._mean_density, self.grid.wavenumbers
+        with np.errstate(all="ignore"):
+            n = lifted.values.sum(axis=1) * self.grid.dv
+            # E = W exp(Sρ̄x) times a constant, and E_x = S n exp(Sρ̄x)
+            w = np.fft.irfft(s * np.fft.rfft(n) / (s * mean + 1j * k), n=self.grid.nx)
+            return self._with_density(lifted.values, n, w, mean + derivative(np.log(w), k) / s)
 
     def _potential(self, density: Array) -> Array:
         return np.fft.irfft(integral_spectrum(density, self.grid.wavenumbers), n=self.grid.nx)
-
-    def _global(self, f: Array, h: float) -> Array:
-        grid, s = self.grid, self.cross_section
-        density = f.sum(axis=1) * grid.dv
-        mean = float(density.mean())
-        if self._growing is None:  # the mean density is conserved
-            self._growing = LinearStep(grid, self.model, self.drift_diffusion, growth=s * mean)
-        phi = s * self._potential(density)
-        weighted = self._growing(f * np.exp(phi - phi.max())[:, None], h)
-        n = weighted.sum(axis=1) * grid.dv
-        # E' = W' exp(Sρ̄x) times a constant, and E'_x = S n exp(Sρ̄x)
-        w = np.fft.irfft(s * np.fft.rfft(n) / (s * mean + 1j * grid.wavenumbers), n=grid.nx)
-        return self._with_density(weighted, n, w, mean + self._rate_of_change(w))
 
     def _transported(self, f: Array, shift: _Shift) -> Array:
         """Transport by the displacements d(v), with collisions."""
@@ -110,13 +132,8 @@ class GridLinearisedStep:
         n = moved.sum(axis=1) * grid.dv
         # η = E'/E: η_x + Sρ η = S n, periodic. The matrix's symmetric part is Sρ > 0.
         eta = np.linalg.solve(self._derivative + np.diag(s * density), s * n)
-        return self._with_density(moved, n, eta, density + self._rate_of_change(eta))
-
-    def _rate_of_change(self, e: Array) -> Array:
-        """∂_x(log e)/S: what is added to the density; its sum vanishes."""
-        k = self.grid.wavenumbers
-        log_e = np.fft.irfft(np.fft.rfft(np.log(e)) * self._keep, n=self.grid.nx)
-        return derivative(log_e, k) / self.cross_section
+        log_eta = np.fft.irfft(np.fft.rfft(np.log(eta)) * self._keep, n=grid.nx)
+        return self._with_density(moved, n, eta, density + derivative(log_eta, grid.wavenumbers) / s)
 
     def _with_density(self, f: Array, n: Array, e: Array, density: Array) -> Array:
         """f/e, brought from its own density n/e to the one in flux form."""

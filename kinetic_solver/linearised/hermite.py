@@ -39,7 +39,7 @@ class HermiteLinearisedStep:
     """
 
     name = "linearised"
-    _TABLES = 4
+    _TABLES = 8
 
     density_defect: float
     """The largest so far, at `lift` and `lower`, of n's last two Fourier modes over ρ̄ min W: the error of the resolution in x,

@@ -14,9 +14,14 @@ RESOLVED = 1.4
 """The kernel's width s in units of dv from which the trapezoidal rule integrates it to round-off: 2 exp(-2π² 1.4²) = 3e-17."""
 
 
-def resolved_spacing(model: Model, h: float) -> float:
-    """The largest dv at which the Gaussian kernel of a step h is integrated to round-off (0 without noise)."""
-    return float(np.sqrt(transition(model, h).velocity_variance)) / RESOLVED
+def resolution(rtol: float) -> float:
+    """As RESOLVED, for a relative error of rtol/1000 in a step."""
+    return float(np.sqrt(np.log(2e3 / rtol) / 2)) / np.pi
+
+
+def resolved_spacing(model: Model, h: float, resolution: float = RESOLVED) -> float:
+    """The largest dv at which the Gaussian kernel of a step h is integrated to the accuracy of `resolution` (0 without noise)."""
+    return float(np.sqrt(transition(model, h).velocity_variance)) / resolution
 
 
 class OrnsteinUhlenbeckKernel:
@@ -34,14 +39,17 @@ class OrnsteinUhlenbeckKernel:
 
     name = "kernel"
 
-    def __init__(self, grid: PhaseSpaceGrid, model: Model, unresolved: DriftDiffusion | None = None) -> None:
+    def __init__(
+        self, grid: PhaseSpaceGrid, model: Model, unresolved: DriftDiffusion | None = None, resolution: float = RESOLVED
+    ) -> None:
         self.grid = grid
         self.model = model
         self.unresolved = unresolved
+        self.resolution = resolution
 
     def positive(self, h: float) -> bool:
         """True where the step h is long enough for the positive form."""
-        return self.grid.dv <= resolved_spacing(self.model, h)
+        return self.grid.dv <= resolved_spacing(self.model, h, self.resolution)
 
     def matrix(self, h: float) -> Array:
         step = transition(self.model, h)

@@ -1,0 +1,338 @@
+"""Composition in time: observed orders from both sides, error control, exact steps, conservation.
+
+The small problem is y' = λy + (β - cy²), a Riccati equation in closed form, split into its linear part and the rest.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import pytest
+
+from kinetic_solver.arrays import Array
+from kinetic_solver.collisions import FollowLeader, Inelastic
+from kinetic_solver.exact import Solution
+from kinetic_solver.grid import PhaseSpaceGrid
+from kinetic_solver.homogeneous import start_state
+from kinetic_solver.initial import density, maxwellian
+from kinetic_solver.linear import LinearStep
+from kinetic_solver.scene import Scene
+from kinetic_solver.stepping import (
+    BaseMethod,
+    Controlled,
+    ExactSteps,
+    Extrapolated,
+    LostAccuracy,
+    StepTooSmall,
+    lawson,
+    strang,
+)
+from kinetic_solver.velocity import OrnsteinUhlenbeckKernel
+
+MakeScene = Callable[..., Scene]
+LAMBDA, BETA, C, T = -2.3, 1.4, 0.8, 1.1
+Y0 = np.array([0.2, 0.9, 1.7])
+
+
+def riccati(y: Array, beta: float, h: float) -> Array:
+    """y' = β - cy² over h."""
+    fixed, t = math.sqrt(beta / C), math.tanh(math.sqrt(beta * C) * h)
+    return fixed * (y + fixed * t) / (fixed + y * t)
+
+
+def solution(t: float) -> Array:
+    """y - λ/2c obeys the equation without a linear part."""
+    middle = LAMBDA / (2 * C)
+    return middle + riccati(Y0 - middle, BETA + LAMBDA**2 / (4 * C), t)
+
+
+def grow(y: Array, h: float) -> Array:
+    return y * math.exp(LAMBDA * h)
+
+
+STRANG = strang(lambda y, h: riccati(y, BETA, h), grow)
+LAWSON = lawson(lambda y: BETA - C * y**2, grow)
+EIGHTH, FIFTH = ((1, 2, 3, 4), (2, 4, 6)), ((1, 2), (4,))
+
+
+def repeated(method: Extrapolated, f: Array, interval: float, steps: int) -> Array:
+    for _ in range(steps):
+        f = method.step(f, interval / steps)[0]
+    return f
+
+
+def assert_order(order: float, counts: Sequence[int], error: Callable[[int], float]) -> None:
+    errors = [error(n) for n in counts]
+    pairs = zip(itertools.pairwise(counts), itertools.pairwise(errors), strict=True)
+    orders = [math.log(a / b) / math.log(q / p) for (p, q), (a, b) in pairs]
+    assert all(abs(seen - order) < 0.3 for seen in orders), (errors, orders)
+
+
+@pytest.mark.parametrize(
+    ("base", "counts", "powers", "order", "steps"),
+    [
+        (STRANG, (1,), (), 2, (8, 16, 32, 64)),
+        (STRANG, (1, 2), (2,), 4, (4, 8, 16, 32)),
+        (STRANG, (1, 2, 3), (2, 4), 6, (8, 12, 16, 24)),
+        (STRANG, *EIGHTH, 8, (4, 5, 6, 8)),
+        (LAWSON, (1,), (), 4, (8, 16, 32, 64)),
+        (LAWSON, *FIFTH, 5, (8, 16, 32, 64)),
+    ],
+)
+def test_orders_on_the_riccati_equation(
+    base: BaseMethod, counts: tuple[int, ...], powers: tuple[int, ...], order: int, steps: tuple[int, ...]
+) -> None:
+    method = Extrapolated(base, counts, powers)
+    assert_order(order, steps, lambda n: float(np.abs(repeated(method, Y0, T, n) - solution(T)).max()))
+
+
+@pytest.mark.parametrize(
+    ("base", "counts", "powers", "order"),
+    [(STRANG, (1, 2), (2,), 2), (STRANG, (1, 2, 3), (2, 4), 4), (STRANG, *EIGHTH, 6), (LAWSON, *FIFTH, 4)],
+)
+def test_the_estimate_is_the_error_of_the_next_lower_order(
+    base: BaseMethod, counts: tuple[int, ...], powers: tuple[int, ...], order: int
+) -> None:
+    """That of one step, in which the error is of an order more; and larger than the error of the result."""
+    method = Extrapolated(base, counts, powers)
+    assert method.lower_order == order
+    assert_order(order + 1, (16, 24, 32, 48) if order < 6 else (8, 10, 12, 14), lambda n: method.step(Y0, T / n)[1])
+    best, estimate = method.step(Y0, T / 8)
+    lower, _ = Extrapolated(base, counts[1:], powers[:-1]).step(Y0, T / 8)
+    assert estimate == pytest.approx(np.abs(best - lower).max(), rel=1e-6)
+    assert np.abs(best - solution(T / 8)).max() < estimate
+
+
+@pytest.mark.parametrize(
+    ("counts", "powers", "order", "steps"),
+    [
+        ((1,), (), 2, (4, 8, 16, 32)),
+        ((1, 2), (2,), 4, (4, 8, 16, 32)),
+        ((1, 2, 3), (2, 4), 6, (6, 8, 12, 16)),
+        (*EIGHTH, 8, (4, 6, 8, 10)),
+    ],
+)
+def test_orders_with_operator_6(
+    standing_scene: MakeScene, counts: tuple[int, ...], powers: tuple[int, ...], order: int, steps: tuple[int, ...]
+) -> None:
+    """Against the closed form at R* = 0.3, on a grid whose own error is 1e-14."""
+    scene = standing_scene(0.3)
+    grid = PhaseSpaceGrid(63, 128, scene.pipe.length, -9.0, 9.0)
+    (u0, theta0), rho = start_state(scene), density(scene, grid.x)
+    start = maxwellian(rho, np.full_like(rho, u0), np.full_like(rho, theta0), grid.v)
+    linear = LinearStep(grid, scene.model, OrnsteinUhlenbeckKernel(grid, scene.model))
+    method = Extrapolated(strang(FollowLeader(grid.v, scene.cross_section), linear), counts, powers)
+    truth = Solution(scene, 2.0).distribution(grid.x, grid.v)
+    assert_order(order, steps, lambda n: float(np.abs(repeated(method, start, 2.0, n) - truth).max() / truth.max()))
+
+
+def inelastic(make_scene: MakeScene, nx: int = 15, nv: int = 64) -> tuple[BaseMethod, Array]:
+    """Lawson's method for (12), and a start off equilibrium; Sρ = 2."""
+    scene = make_scene(collisions={"operator": "inelastic", "cross_section": 2.5, "restitution": 0.5})
+    grid = PhaseSpaceGrid(nx, nv, scene.pipe.length, -4.0, 6.0)
+    operator = Inelastic(grid.v, scene.cross_section, scene.restitution, "quintic")
+    rho = density(scene, grid.x)
+    start = maxwellian(rho, np.full_like(rho, 0.9), np.full_like(rho, 0.6), grid.v)
+    return lawson(operator.rate, LinearStep(grid, scene.model, OrnsteinUhlenbeckKernel(grid, scene.model))), start
+
+
+@pytest.mark.parametrize(("counts", "powers", "order"), [((1,), (), 4), (*FIFTH, 5)])
+def test_orders_with_operator_12(make_scene: MakeScene, counts: tuple[int, ...], powers: tuple[int, ...], order: int) -> None:
+    """Against the same grid at four times as many steps as the most."""
+    base, start = inelastic(make_scene)
+    reference = repeated(Extrapolated(base, *FIFTH), start, 1.0, 256)
+    method = Extrapolated(base, counts, powers)
+
+    def error(steps: int) -> float:
+        return float(np.abs(repeated(method, start, 1.0, steps) - reference).max() / reference.max())
+
+    assert_order(order, (8, 16, 32, 64), error)
+
+
+class Spy(Extrapolated):
+    """Notes the length of every step tried, and its estimate."""
+
+    def step(self, f: Array, h: float) -> tuple[Array, float]:
+        result, error = super().step(f, h)
+        self.tried = [*getattr(self, "tried", []), (h, error)]
+        return result, error
+
+
+def places_of(stepper: Controlled | ExactSteps, interval: float, f: Array = Y0) -> tuple[Array, list[float]]:
+    """(the result, where in the interval the steps ended)."""
+    places: list[float] = []
+    result = stepper.advance(f, interval, lambda f, elapsed: places.append(elapsed))
+    return result, places
+
+
+@pytest.mark.parametrize(("base", "rule"), [(STRANG, EIGHTH), (LAWSON, FIFTH)])
+def test_controlled_meets_its_tolerance_and_not_by_waste(base: BaseMethod, rule: tuple[tuple[int, ...], ...]) -> None:
+    """Neighbouring solutions approach each other, so the errors of the steps at most add up."""
+    steps = []
+    for tolerance in (1e-3, 1e-5, 1e-7, 1e-9):
+        stepper = Controlled(Extrapolated(base, *rule), lambda f, tolerance=tolerance: tolerance)
+        y, _ = places_of(stepper, T)
+        assert np.abs(y - solution(T)).max() < stepper.error <= tolerance * T
+        steps.append(stepper.steps)
+    assert steps == sorted(set(steps)), steps
+    # An estimate of order p allows about 1e6^(1/p) times the steps, and lengths are powers of two.
+    assert steps[-1] <= 2 * 1e6 ** (1 / Extrapolated(base, *rule).lower_order) * max(steps[0], 1), steps
+
+
+@pytest.mark.parametrize("longest", [0.5, 0.3, 0.07])
+def test_controlled_takes_dyadic_steps_of_at_most_the_longest(longest: float) -> None:
+    stepper = Controlled(Extrapolated(STRANG, *EIGHTH), lambda f: 1e-5, longest=longest)
+    for interval in (T, 0.4):
+        _, places = places_of(stepper, interval)
+        assert places[-1] == interval
+        units = np.array(places) / interval * 2**stepper.DEEPEST
+        lengths = np.diff(units, prepend=0.0)
+        assert np.array_equal(units, np.round(units))
+        assert np.array_equal(np.log2(lengths) % 1, np.zeros(lengths.size))
+        assert np.array_equal(units % lengths, np.zeros(lengths.size))
+        assert lengths.max() * interval / 2**stepper.DEEPEST <= longest
+
+
+def test_controlled_goes_on_with_the_length_it_found() -> None:
+    """In a second interval nothing is rejected that the first has taught; longer steps come back."""
+    stepper = Controlled(Extrapolated(LAWSON, *FIFTH), lambda f: 1e-9)
+    y, first = places_of(stepper, T)
+    assert stepper.rejected > 0
+    rejected = stepper.rejected
+    _, second = places_of(stepper, T, y)
+    assert stepper.rejected == rejected
+    assert len(second) < len(first)
+
+
+def test_fixed_steps_are_equal() -> None:
+    method = Spy(LAWSON, *FIFTH)
+    stepper = Controlled(method, lambda f: 0.0, fixed=0.3)
+    y, places = places_of(stepper, T)
+    assert places == pytest.approx([T / 4, T / 2, 3 * T / 4, T], rel=1e-15)
+    assert np.array_equal(y, repeated(Extrapolated(LAWSON, *FIFTH), Y0, T, 4))
+    assert [h for h, _ in method.tried] == [T / 4] * 4
+    assert stepper.error == pytest.approx(sum(error for _, error in method.tried), rel=1e-15)
+    assert (stepper.steps, stepper.rejected) == (4, 0)
+    assert len(places_of(Controlled(method, lambda f: 0.0, fixed=T / 7), T)[1]) == 7
+
+
+def test_estimates_of_accepted_steps_add_up() -> None:
+    method, tolerance = Spy(STRANG, *EIGHTH), 1e-8
+    stepper = Controlled(method, lambda f: tolerance)
+    places_of(stepper, T)
+    accepted = [error for h, error in method.tried if error <= tolerance * h]
+    assert stepper.error == pytest.approx(sum(accepted), rel=1e-15)
+    assert (stepper.steps, stepper.rejected) == (len(accepted), len(method.tried) - len(accepted))
+    assert stepper.rejected > 0
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -1e308], ids=str)
+def test_controlled_recovers_from_steps_that_blow_up(bad: float) -> None:
+    """Whatever a step that is too long returns, shorter ones take its place."""
+
+    def base(y: Array, interval: float, steps: int) -> Array:
+        return STRANG(y, interval, steps) if interval < 0.2 else np.full_like(y, bad)
+
+    stepper = Controlled(Extrapolated(base, *EIGHTH), lambda f: 1e-6)
+    with np.errstate(all="ignore"):
+        y, places = places_of(stepper, T)
+    assert stepper.rejected >= 1
+    assert np.diff(places, prepend=0.0).max() < 0.2
+    assert np.abs(y - solution(T)).max() < 1e-6 * T
+
+
+def test_a_step_that_never_succeeds_is_an_error() -> None:
+    stepper = Controlled(Extrapolated(lambda y, interval, steps: y * math.nan, *EIGHTH), lambda f: 1e-6)
+    with pytest.raises(StepTooSmall, match="no step down to"):
+        places_of(stepper, T)
+    with pytest.raises(StepTooSmall):  # below round-off
+        places_of(Controlled(Extrapolated(STRANG, *EIGHTH), lambda f: 1e-18), T)
+
+
+class Chain:
+    """An exact substep that notes its intervals, and loses its accuracy in those longer than `limit`."""
+
+    def __init__(self, limit: float = math.inf) -> None:
+        self.limit = limit
+        self.intervals: list[float] = []
+
+    def __call__(self, y: Array, h: float) -> Array:
+        self.intervals.append(h)
+        if h > self.limit:
+            raise LostAccuracy("too long")
+        middle = LAMBDA / (2 * C)
+        return middle + riccati(y - middle, BETA + LAMBDA**2 / (4 * C), h)
+
+
+def test_exact_steps_are_as_few_as_fill_the_interval() -> None:
+    step = Chain()
+    y, places = places_of(ExactSteps(step, longest=0.3), T)
+    assert places == pytest.approx([T / 4, T / 2, 3 * T / 4, T], rel=1e-15)
+    assert step.intervals == [T / 4] * 4
+    assert y == pytest.approx(solution(T), rel=1e-14)
+    assert len(places_of(ExactSteps(Chain(), longest=T / 7), T)[1]) == 7
+    assert len(places_of(ExactSteps(Chain()), T)[1]) == 1
+
+
+def test_exact_steps_do_not_build_on_steps_that_are_too_short() -> None:
+    """Over intervals of 0.2 and at least 0.5 to a step: from the last state that a long enough step has made."""
+    step = Chain()
+    stepper, y = ExactSteps(step, shortest=0.5), Y0
+    for n in range(1, 8):
+        y, _ = places_of(stepper, 0.2, y)
+        assert y == pytest.approx(solution(0.2 * n), rel=1e-14)
+    assert step.intervals == pytest.approx([0.2, 0.4, 0.6, 0.2, 0.4, 0.6, 0.2], rel=1e-14)
+
+
+def test_exact_steps_give_the_state_at_any_time_between() -> None:
+    seen: list[tuple[float, float]] = []
+    stepper, y = ExactSteps(Chain(), longest=0.3, shortest=0.4), Y0
+
+    def between(state_at: Callable[[float], Array], start: float, end: float) -> None:
+        seen.append((start, end))
+        for time in (start + 0.1 * (end - start), end):
+            assert state_at(time) == pytest.approx(solution(time), rel=1e-14)
+
+    stepper.between = between
+    for interval in (T, 0.4):
+        y, _ = places_of(stepper, interval, y)
+    edges = np.append(np.linspace(0, T, 5), [T + 0.2, T + 0.4])
+    assert np.array(seen) == pytest.approx(np.column_stack([edges[:-1], edges[1:]]), rel=1e-14)
+
+
+def test_the_fallback_takes_over_with_one_warning() -> None:
+    fallback = Controlled(Extrapolated(STRANG, *EIGHTH), lambda f: 1e-9)
+    stepper = ExactSteps(Chain(limit=0.25), longest=0.3, fallback=fallback)
+    with pytest.warns(UserWarning, match="too long: the quadrature path takes over") as caught:
+        y, places = places_of(stepper, T)
+    assert len(caught) == 1
+    assert places == pytest.approx([T / 4, T / 2, 3 * T / 4, T], rel=1e-15)
+    assert fallback.steps >= 4
+    assert np.abs(y - solution(T)).max() < 1e-9 * T
+
+
+def test_without_a_fallback_lost_accuracy_is_an_error() -> None:
+    with pytest.raises(LostAccuracy, match="too long"):
+        places_of(ExactSteps(Chain(limit=0.25), longest=0.3), T)
+
+
+def test_mass_over_a_thousand_extrapolated_steps_of_operator_6(make_scene: MakeScene) -> None:
+    scene = make_scene(collisions={"operator": "follow-the-leader", "cross_section": 1.2})
+    grid = PhaseSpaceGrid(9, 64, scene.pipe.length, -6.0, 7.0)
+    rho = density(scene, grid.x)
+    f = maxwellian(rho, np.full_like(rho, 0.9), np.full_like(rho, 0.6), grid.v)
+    linear = LinearStep(grid, scene.model, OrnsteinUhlenbeckKernel(grid, scene.model))
+    method = Extrapolated(strang(FollowLeader(grid.v, scene.cross_section), linear), *EIGHTH)
+    later = repeated(method, f, 200.0, 1000)
+    assert np.abs(later - f).max() > 0.1 * f.max()
+    assert abs(later.sum() / f.sum() - 1) < 1e-13
+
+
+def test_mass_over_a_thousand_extrapolated_steps_of_operator_12(make_scene: MakeScene) -> None:
+    base, f = inelastic(make_scene, nx=9, nv=32)
+    later = repeated(Extrapolated(base, *FIFTH), f, 50.0, 1000)
+    assert np.abs(later - f).max() > 0.1 * f.max()
+    assert abs(later.sum() / f.sum() - 1) < 1e-13
