@@ -37,7 +37,7 @@ def summary(dataset: xr.Dataset) -> list[str]:
             if f"{name}_residual" in dataset:
                 line += f", budget residual {last(f'{name}_residual'):.2g}"
             lines.append(line)
-    for name in ("minimum_of_f", "edge_error_low", "edge_error_high", "velocity_curvature", "spectral_tail"):
+    for name in ("minimum_of_f", "edge_error_low", "edge_error_high", "velocity_curvature", "spectral_tail", "density_defect"):
         if name in dataset:
             worst = dataset[name].min() if name == "minimum_of_f" else dataset[name].max()
             lines.append(f"{name:<20}{float(worst):.2g}   {dataset[name].attrs['long_name']}")

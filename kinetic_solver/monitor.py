@@ -41,8 +41,8 @@ class Monitor:
         if not np.isfinite(f.sum()):
             raise SolverStopped(f"t = {time:.6g}: f is no longer finite; reduce grid.time_step or accuracy.rtol")
 
-    def check(self, f: Array, time: float) -> dict[str, float]:
-        """All diagnostics; raises SolverStopped."""
+    def check(self, f: Array, time: float, density_defect: float = 0.0) -> dict[str, float]:
+        """All diagnostics; raises SolverStopped. `density_defect`: what the exactly linearised step says of its own error."""
         self.finite(f, time)
         grid, given = self.plan.grid, self.plan.scene.grid
         top = float(f.max())
@@ -54,6 +54,7 @@ class Monitor:
             "edge_error_high": float(np.abs(f[:, -1]).max()) / top,
             "velocity_curvature": float(np.abs(np.diff(f, n=2, axis=1)).max()) / top if grid.nv > 2 else 0.0,
             "spectral_tail": self._spectral_tail(f),
+            "density_defect": density_defect,
         }
         # Without collisions the linear step is exact for whatever the points represent.
         if values["velocity_curvature"] > UNRESOLVED and (self.plan.scene.operator is not None or given.nv is not None):
@@ -81,6 +82,11 @@ class Monitor:
         self._bound(
             "spectral_tail", values["spectral_tail"], given.nx is not None, time,
             f"the shortest waves in x carry {values['spectral_tail']:.2g} of f; raise grid.nx",
+        )  # fmt: skip
+        self._bound(
+            "density_defect", density_defect, given.nx is not None, time,
+            f"x is not resolved: the linearised step of operator (6) contradicts itself by {density_defect:.2g} of the density; "
+            "raise grid.nx",
         )  # fmt: skip
         return values
 

@@ -47,6 +47,7 @@ VARIABLES: dict[str, dict[str, tuple[tuple[str, ...], str, str]]] = {
         "edge_error_high": ((), "1", "f at the window's upper edge over max f"),
         "velocity_curvature": ((), "1", "largest second difference of f in v over max f; 0.5 is unresolved"),
         "spectral_tail": ((), "1", "largest amplitude in the highest eighth of wavenumbers over the largest of all"),
+        "density_defect": ((), "1", "what the linearised step of operator (6) misses of the density, over its maximum"),
     },
     "budgets": {
         **{f"momentum_rate_{t}": ((), "particles length time-2", f"rate of momentum by {t}")

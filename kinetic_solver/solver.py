@@ -14,6 +14,7 @@ import numpy as np
 from kinetic_solver.arrays import Array
 from kinetic_solver.budgets import Ledger
 from kinetic_solver.collisions.protocol import CollisionOperator
+from kinetic_solver.linearised import GridLinearisedStep
 from kinetic_solver.moments import moment_equations, moments, totals
 from kinetic_solver.monitor import Monitor, SolverStopped
 from kinetic_solver.output import MemoryRecorder, Recorder
@@ -77,8 +78,8 @@ def make_stepper(plan: Plan, representation: Representation) -> Stepper:
 
 
 class Early:
-    """f at a time too short for the kernel on the plan's velocity points: one step on points three or nine times as dense, on which
-    the Maxwellian start is known as well."""
+    """f at a time too short for the kernel on the plan's velocity points: one step on points three or nine times as dense,
+    on which the Maxwellian start is known as well."""
 
     def __init__(self, plan: Plan) -> None:
         self.plan = plan
@@ -147,7 +148,7 @@ def _integrate(plan: Plan, recorder: Recorder, progress: Progress | None) -> Non
             raise SolverStopped(
                 f"between t = {start:.6g} and {end:.6g}: {error}; raise accuracy.rtol, or refine grid.nx and grid.nv"
             ) from None
-        frames.write(end, f, monitor.check(f, end))
+        frames.write(end, f, monitor.check(f, end, _density_defect(stepper)))
     if isinstance(stepper, Controlled) and stepper.fixed is not None:
         estimate = stepper.error / float(np.abs(f).max())
         if estimate > scene.accuracy.rtol:
@@ -156,6 +157,12 @@ def _integrate(plan: Plan, recorder: Recorder, progress: Progress | None) -> Non
                 f"{scene.accuracy.rtol:g}); reduce it, or leave it out",
                 stacklevel=2,
             )
+
+
+def _density_defect(stepper: Stepper) -> float:
+    """Of steps on velocity points; that of the Hermite step is no measure of f's error after a long step."""
+    step = stepper.step if isinstance(stepper, ExactSteps) else None
+    return step.density_defect if isinstance(step, GridLinearisedStep) else 0.0
 
 
 class Frames:

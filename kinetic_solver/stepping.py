@@ -153,7 +153,7 @@ class Controlled:
             if not error <= allowed:  # a NaN is no small error
                 if level == self.DEEPEST:
                     raise StepTooSmall(f"no step down to {h:.2g} keeps the error asked for")
-                excess = error / allowed if math.isfinite(error) else 2.0
+                excess = min(error / allowed, 1e300) if math.isfinite(error) else 2.0
                 level = min(self.DEEPEST, level + max(1, math.ceil(math.log2(excess) / self._order)))
                 self.rejected += 1
                 continue
@@ -212,10 +212,10 @@ class Plain:
 class ExactSteps:
     """A chain of exact steps, each at least `shortest` long, and from its states one exact step to every time between.
 
-    So a step that is too short to be accurate is never built upon, and after the first link none is taken. `early`, if given, makes
-    f at a time before `shortest`. Intervals are seen in equal pieces of at most `longest`. `fallback` takes over a step that
-    loses its accuracy. `between`, if set, is called as between(f_at, start, end) for each piece before it is taken, where f_at(t) is
-    f at any t of the piece. Times count from the first call.
+    So a step that is too short to be accurate is never built upon, and after the first link none is taken. `early`, if given,
+    makes f at a time before `shortest`. Intervals are seen in equal pieces of at most `longest`. `fallback` takes over a step
+    that loses its accuracy. `between`, if set, is called as between(f_at, start, end) for each piece before it is taken, where
+    f_at(t) is f at any t of the piece. Times count from the first call.
     """
 
     def __init__(
@@ -263,24 +263,30 @@ class ExactSteps:
             if len(self._links) > 1:
                 link = self._links[1]
             elif self.early is not None:
-                return self.early(time)
+                return self._or_fall_back(lambda: (None, self.early(time)), link, time)[1]  # type: ignore[misc]
         return self._step(link, time)[1]
 
     def _step(self, link: tuple[float, Any], time: float) -> tuple[Any, Array]:
         """(lifted state, f) at the time, from a link of the chain."""
-        since, lifted = link
         # Equal times apart must be equal numbers, for substeps keep tables by them.
-        h = float(f"{time - since:.12e}")
-        try:
-            new = self.step.propagate(lifted, h)
+        h = float(f"{time - link[0]:.12e}")
+
+        def exact() -> tuple[Any, Array]:
+            new = self.step.propagate(link[1], h)
             return new, self.step.lower(new)
+
+        return self._or_fall_back(exact, link, time)
+
+    def _or_fall_back(self, exact: Callable[[], tuple[Any, Array]], link: tuple[float, Any], time: float) -> tuple[Any, Array]:
+        try:
+            return exact()
         except LostAccuracy as lost:
             if self.fallback is None:
                 raise
             if not self._warned:
                 self._warned = True
                 warnings.warn(f"{lost}: the quadrature path takes over", stacklevel=2)
-            f = self.fallback.advance(self.step.lower(lifted), h, lambda f, elapsed: None)
+            f = self.fallback.advance(self.step.lower(link[1]), time - link[0], lambda f, elapsed: None)
             return self.step.lift(f), f
 
 

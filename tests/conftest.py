@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import os
 
+# The tests themselves run in parallel.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
+os.environ.setdefault("NUMBA_NUM_THREADS", "1")
 
 import copy
 import math

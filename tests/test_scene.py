@@ -18,8 +18,8 @@ from kinetic_solver.scene import Scene, SceneError, fourier_sum, one_line, parse
 MakeScene = Callable[..., Scene]
 
 BAD: list[tuple[dict[str, Any], str]] = [
-    ({"modle": {}}, "unknown key 'modle'; did you mean 'model'?"),
-    ({"model": {"frictoin": 1.0}}, "model: unknown key 'frictoin'; did you mean 'friction'?"),
+    ({"modle": {}}, "unknown key 'modle' = {}; did you mean 'model'?"),
+    ({"model": {"frictoin": 1.0}}, "model: unknown key 'frictoin' = 1.0; did you mean 'friction'?"),
     ({"model": {"friction": -1.0}}, "model.friction = -1.0: input should be greater than or equal to 0"),
     ({"model": {"gravity": math.nan}}, "model.gravity = nan: input should be a finite number"),
     ({"model": {"noise": "1"}}, "model.noise = '1': input should be a valid number"),
@@ -33,7 +33,7 @@ BAD: list[tuple[dict[str, Any], str]] = [
     ({"pipe": {"length": 0.0}}, "pipe.length = 0.0: input should be greater than 0"),
     ({"grid": {"velocity_window": [3.0, -3.0]}}, "velocity_window = [3.0, -3.0] is reversed or empty"),
     ({"run": {"end_time": math.inf}}, "run.end_time = inf: input should be a finite number"),
-    ({"accuracy": {"rtol": 0.0}}, "accuracy.rtol = 0.0"),
+    ({"accuracy": {"rtol": 0.0}}, "accuracy: rtol = 0: allowed: 1e-10 to 0.1"),
 ]
 
 

@@ -17,6 +17,7 @@ Tests: tests/exact/test_linearised_grid.py.
 
 from __future__ import annotations
 
+import math
 from collections import OrderedDict
 from dataclasses import dataclass
 
@@ -47,9 +48,9 @@ class Lifted:
 class GridLinearisedStep:
     """f of shape (nx, nv) → f(t + h), for operator (6) and any h: `lower(propagate(lift(f), h))`.
 
-    In the global gauge `propagate` is linear and many steps are as good as one. Mass is conserved to round-off by construction: f
+    In the global gauge `propagate` is linear, and many are as good as one. Mass is conserved to round-off by construction: f
     takes its density in flux form, ρ' = ρ + ∂_x(log η)/S with η = E'/E. `density_defect` is the largest difference so far, over
-    max ρ, between it and the sum over f that it replaces: it vanishes where x is resolved, and measures the error where it is not.
+    max ρ, between it and the sum over f that it replaces: it vanishes where x is resolved, and measures the error elsewhere.
     `tolerance` decides between the gauges: the global one is used where its round-off stays below.
     Raises LostAccuracy where E is not positive, or not a number.
     """
@@ -82,14 +83,18 @@ class GridLinearisedStep:
 
     def lift(self, f: Array) -> Lifted:
         density = f.sum(axis=1) * self.grid.dv
+        if not np.isfinite(f).all():
+            raise LostAccuracy("f is not finite")
         phi = self.cross_section * self._potential(density)
-        if ROUND_OFF * np.exp(np.ptp(phi)) > self.tolerance:
+        if ROUND_OFF * math.exp(min(float(np.ptp(phi)), 700.0)) > self.tolerance:
             return Lifted(f, is_global=False)
         if self._growing is None:  # the mean density is conserved
             self._mean_density = float(density.mean())
             growth = self.cross_section * self._mean_density
             self._growing = LinearStep(self.grid, self.model, self.drift_diffusion, growth)
-        return Lifted(f * np.exp(phi - phi.max())[:, None], is_global=True)
+        spectrum = self._transform.forward(f * np.exp(phi - phi.max())[:, None])
+        spectrum *= self._keep[:, None]
+        return Lifted(self._transform.inverse(), is_global=True)
 
     def propagate(self, lifted: Lifted, h: float) -> Lifted:
         # Whatever goes wrong inside shows as a density that is not a positive number, which is looked for.
@@ -132,8 +137,8 @@ class GridLinearisedStep:
         n = moved.sum(axis=1) * grid.dv
         # η = E'/E: η_x + Sρ η = S n, periodic. The matrix's symmetric part is Sρ > 0.
         eta = np.linalg.solve(self._derivative + np.diag(s * density), s * n)
-        log_eta = np.fft.irfft(np.fft.rfft(np.log(eta)) * self._keep, n=grid.nx)
-        return self._with_density(moved, n, eta, density + derivative(log_eta, grid.wavenumbers) / s)
+        new = density + derivative(np.log(eta), grid.wavenumbers) / s
+        return self._with_density(moved, n, eta, np.fft.irfft(np.fft.rfft(new) * self._keep, n=grid.nx))
 
     def _with_density(self, f: Array, n: Array, e: Array, density: Array) -> Array:
         """f/e, brought from its own density n/e to the one in flux form."""

@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
+import numba
 import numpy as np
 import pytest
 
@@ -99,7 +100,9 @@ def test_the_estimate_is_the_error_of_the_next_lower_order(
     """That of one step, in which the error is of an order more; and larger than the error of the result."""
     method = Extrapolated(base, counts, powers)
     assert method.lower_order == order
-    assert_order(order + 1, (16, 24, 32, 48) if order < 6 else (8, 10, 12, 14), lambda n: method.step(Y0, T / n)[1])
+    assert_order(
+        order + 1, {2: (16, 24, 32, 48), 4: (32, 48, 64, 96), 6: (12, 16, 20, 24)}[order], lambda n: method.step(Y0, T / n)[1]
+    )
     best, estimate = method.step(Y0, T / 8)
     lower, _ = Extrapolated(base, counts[1:], powers[:-1]).step(Y0, T / 8)
     assert estimate == pytest.approx(np.abs(best - lower).max(), rel=1e-6)
@@ -129,6 +132,15 @@ def test_orders_with_operator_6(
     assert_order(order, steps, lambda n: float(np.abs(repeated(method, start, 2.0, n) - truth).max() / truth.max()))
 
 
+@pytest.fixture
+def one_thread() -> Iterator[None]:
+    """For arrays so small two threads spend their time waiting for each other."""
+    before = numba.get_num_threads()
+    numba.set_num_threads(1)
+    yield
+    numba.set_num_threads(before)
+
+
 def inelastic(make_scene: MakeScene, nx: int = 15, nv: int = 64) -> tuple[BaseMethod, Array]:
     """Lawson's method for (12), and a start off equilibrium; Sρ = 2."""
     scene = make_scene(collisions={"operator": "inelastic", "cross_section": 2.5, "restitution": 0.5})
@@ -139,17 +151,18 @@ def inelastic(make_scene: MakeScene, nx: int = 15, nv: int = 64) -> tuple[BaseMe
     return lawson(operator.rate, LinearStep(grid, scene.model, OrnsteinUhlenbeckKernel(grid, scene.model))), start
 
 
+@pytest.mark.usefixtures("one_thread")
 @pytest.mark.parametrize(("counts", "powers", "order"), [((1,), (), 4), (*FIFTH, 5)])
 def test_orders_with_operator_12(make_scene: MakeScene, counts: tuple[int, ...], powers: tuple[int, ...], order: int) -> None:
-    """Against the same grid at four times as many steps as the most."""
+    """Against the same grid at four times as many steps."""
     base, start = inelastic(make_scene)
-    reference = repeated(Extrapolated(base, *FIFTH), start, 1.0, 256)
+    reference = repeated(Extrapolated(base, *FIFTH), start, 1.0, 96)
     method = Extrapolated(base, counts, powers)
 
     def error(steps: int) -> float:
         return float(np.abs(repeated(method, start, 1.0, steps) - reference).max() / reference.max())
 
-    assert_order(order, (8, 16, 32, 64), error)
+    assert_order(order, (8, 12, 16, 24), error)
 
 
 class Spy(Extrapolated):
@@ -172,14 +185,17 @@ def places_of(stepper: Controlled | ExactSteps, interval: float, f: Array = Y0) 
 def test_controlled_meets_its_tolerance_and_not_by_waste(base: BaseMethod, rule: tuple[tuple[int, ...], ...]) -> None:
     """Neighbouring solutions approach each other, so the errors of the steps at most add up."""
     steps = []
-    for tolerance in (1e-3, 1e-5, 1e-7, 1e-9):
+    for tolerance in (1e-3, 1e-6, 1e-8, 1e-10):
         stepper = Controlled(Extrapolated(base, *rule), lambda f, tolerance=tolerance: tolerance)
         y, _ = places_of(stepper, T)
-        assert np.abs(y - solution(T)).max() < stepper.error <= tolerance * T
+        error = float(np.abs(y - solution(T)).max())
+        assert error < tolerance * T
+        assert stepper.error <= tolerance * T
+        assert error < stepper.error or stepper.steps == 1  # as long as the interval: too long for an estimate of its error
         steps.append(stepper.steps)
-    assert steps == sorted(set(steps)), steps
-    # An estimate of order p allows about 1e6^(1/p) times the steps, and lengths are powers of two.
-    assert steps[-1] <= 2 * 1e6 ** (1 / Extrapolated(base, *rule).lower_order) * max(steps[0], 1), steps
+    assert steps[0] < steps[1] < steps[2] < steps[3], steps
+    # An estimate of order p asks for 1e4^(1/p) times the steps, and lengths are powers of two.
+    assert steps[-1] <= 2 * 1e4 ** (1 / rule[1][-1]) * steps[1], steps
 
 
 @pytest.mark.parametrize("longest", [0.5, 0.3, 0.07])
@@ -188,11 +204,12 @@ def test_controlled_takes_dyadic_steps_of_at_most_the_longest(longest: float) ->
     for interval in (T, 0.4):
         _, places = places_of(stepper, interval)
         assert places[-1] == interval
-        units = np.array(places) / interval * 2**stepper.DEEPEST
+        exact = np.array(places) / interval * 2**stepper.DEEPEST
+        units = np.round(exact)
+        assert exact == pytest.approx(units, rel=1e-15)
         lengths = np.diff(units, prepend=0.0)
-        assert np.array_equal(units, np.round(units))
-        assert np.array_equal(np.log2(lengths) % 1, np.zeros(lengths.size))
-        assert np.array_equal(units % lengths, np.zeros(lengths.size))
+        assert np.array_equal(lengths, 2.0 ** np.round(np.log2(lengths)))
+        assert not np.any(units % lengths)
         assert lengths.max() * interval / 2**stepper.DEEPEST <= longest
 
 
@@ -234,13 +251,13 @@ def test_controlled_recovers_from_steps_that_blow_up(bad: float) -> None:
     """Whatever a step that is too long returns, shorter ones take its place."""
 
     def base(y: Array, interval: float, steps: int) -> Array:
-        return STRANG(y, interval, steps) if interval < 0.2 else np.full_like(y, bad)
+        return STRANG(y, interval, steps) if interval / steps < 0.1 else np.full_like(y, bad / steps)
 
     stepper = Controlled(Extrapolated(base, *EIGHTH), lambda f: 1e-6)
     with np.errstate(all="ignore"):
         y, places = places_of(stepper, T)
     assert stepper.rejected >= 1
-    assert np.diff(places, prepend=0.0).max() < 0.2
+    assert np.diff(places, prepend=0.0).max() < 0.1
     assert np.abs(y - solution(T)).max() < 1e-6 * T
 
 
@@ -253,48 +270,57 @@ def test_a_step_that_never_succeeds_is_an_error() -> None:
 
 
 class Chain:
-    """An exact substep that notes its intervals, and loses its accuracy in those longer than `limit`."""
+    """An exact step that notes its intervals, and loses its accuracy in those longer than `limit`; a lifted state is 3y."""
 
     def __init__(self, limit: float = math.inf) -> None:
         self.limit = limit
         self.intervals: list[float] = []
 
-    def __call__(self, y: Array, h: float) -> Array:
+    def lift(self, y: Array) -> Array:
+        return 3 * y
+
+    def propagate(self, lifted: Array, h: float) -> Array:
         self.intervals.append(h)
         if h > self.limit:
             raise LostAccuracy("too long")
         middle = LAMBDA / (2 * C)
-        return middle + riccati(y - middle, BETA + LAMBDA**2 / (4 * C), h)
+        return 3 * (middle + riccati(lifted / 3 - middle, BETA + LAMBDA**2 / (4 * C), h))
+
+    def lower(self, lifted: Array) -> Array:
+        return lifted / 3
 
 
 def test_exact_steps_are_as_few_as_fill_the_interval() -> None:
     step = Chain()
     y, places = places_of(ExactSteps(step, longest=0.3), T)
-    assert places == pytest.approx([T / 4, T / 2, 3 * T / 4, T], rel=1e-15)
-    assert step.intervals == [T / 4] * 4
-    assert y == pytest.approx(solution(T), rel=1e-14)
+    assert places == pytest.approx([T / 4, T / 2, 3 * T / 4, T], rel=1e-14)
+    assert step.intervals == pytest.approx([T / 4] * 4, rel=1e-12)
+    assert len(set(step.intervals)) == 1
+    assert y == pytest.approx(solution(T), rel=1e-12)
     assert len(places_of(ExactSteps(Chain(), longest=T / 7), T)[1]) == 7
     assert len(places_of(ExactSteps(Chain()), T)[1]) == 1
 
 
-def test_exact_steps_do_not_build_on_steps_that_are_too_short() -> None:
-    """Over intervals of 0.2 and at least 0.5 to a step: from the last state that a long enough step has made."""
+@pytest.mark.parametrize("early", [None, solution])
+def test_exact_steps_do_not_build_on_steps_that_are_too_short(early: Callable[[float], Array] | None) -> None:
+    """Over intervals of 0.2 and at least 0.5 to a step: states between are made from the chain's last link but one."""
     step = Chain()
-    stepper, y = ExactSteps(step, shortest=0.5), Y0
+    stepper, y = ExactSteps(step, shortest=0.5, early=early), Y0
     for n in range(1, 8):
         y, _ = places_of(stepper, 0.2, y)
-        assert y == pytest.approx(solution(0.2 * n), rel=1e-14)
-    assert step.intervals == pytest.approx([0.2, 0.4, 0.6, 0.2, 0.4, 0.6, 0.2], rel=1e-14)
+        assert y == pytest.approx(solution(0.2 * n), rel=1e-12)
+    later = [0.6, 0.8, 1.0, 0.6, 0.8]
+    assert step.intervals == pytest.approx(later if early else [0.2, 0.4, *later], rel=1e-12)
 
 
-def test_exact_steps_give_the_state_at_any_time_between() -> None:
+def test_exact_steps_give_f_at_any_time_between() -> None:
     seen: list[tuple[float, float]] = []
     stepper, y = ExactSteps(Chain(), longest=0.3, shortest=0.4), Y0
 
-    def between(state_at: Callable[[float], Array], start: float, end: float) -> None:
+    def between(f_at: Callable[[float], Array], start: float, end: float) -> None:
         seen.append((start, end))
         for time in (start + 0.1 * (end - start), end):
-            assert state_at(time) == pytest.approx(solution(time), rel=1e-14)
+            assert f_at(time) == pytest.approx(solution(time), rel=1e-12)
 
     stepper.between = between
     for interval in (T, 0.4):
@@ -309,7 +335,7 @@ def test_the_fallback_takes_over_with_one_warning() -> None:
     with pytest.warns(UserWarning, match="too long: the quadrature path takes over") as caught:
         y, places = places_of(stepper, T)
     assert len(caught) == 1
-    assert places == pytest.approx([T / 4, T / 2, 3 * T / 4, T], rel=1e-15)
+    assert places == pytest.approx([T / 4, T / 2, 3 * T / 4, T], rel=1e-14)
     assert fallback.steps >= 4
     assert np.abs(y - solution(T)).max() < 1e-9 * T
 
@@ -319,6 +345,7 @@ def test_without_a_fallback_lost_accuracy_is_an_error() -> None:
         places_of(ExactSteps(Chain(limit=0.25), longest=0.3), T)
 
 
+@pytest.mark.usefixtures("one_thread")
 def test_mass_over_a_thousand_extrapolated_steps_of_operator_6(make_scene: MakeScene) -> None:
     scene = make_scene(collisions={"operator": "follow-the-leader", "cross_section": 1.2})
     grid = PhaseSpaceGrid(9, 64, scene.pipe.length, -6.0, 7.0)
@@ -328,11 +355,12 @@ def test_mass_over_a_thousand_extrapolated_steps_of_operator_6(make_scene: MakeS
     method = Extrapolated(strang(FollowLeader(grid.v, scene.cross_section), linear), *EIGHTH)
     later = repeated(method, f, 200.0, 1000)
     assert np.abs(later - f).max() > 0.1 * f.max()
-    assert abs(later.sum() / f.sum() - 1) < 1e-13
+    assert abs(later.sum() / f.sum() - 1) < 5e-13
 
 
+@pytest.mark.usefixtures("one_thread")
 def test_mass_over_a_thousand_extrapolated_steps_of_operator_12(make_scene: MakeScene) -> None:
     base, f = inelastic(make_scene, nx=9, nv=32)
     later = repeated(Extrapolated(base, *FIFTH), f, 50.0, 1000)
     assert np.abs(later - f).max() > 0.1 * f.max()
-    assert abs(later.sum() / f.sum() - 1) < 1e-13
+    assert abs(later.sum() / f.sum() - 1) < 5e-13

@@ -112,7 +112,9 @@ def test_negative_f(make_scene: MakeScene) -> None:
 
 
 def test_a_time_step_too_short_for_dv_is_said_once(make_scene: MakeScene) -> None:
-    scene = make_scene(collisions=FOLLOW, grid={"nx": 27, "nv": 48, "velocity_window": (-7.0, 7.0), "time_step": 0.003})
+    scene = make_scene(
+        collisions=FOLLOW, grid={"nx": 27, "nv": 48, "velocity_window": (-7.0, 7.0), "time_step": 0.003, "stepping": "strang"}
+    )
     with pytest.warns(UserWarning, match=r"what takes its place errs by about .* raise grid\.nv to \d+") as caught:
         plan = make_plan(scene)
     assert len(caught) == 1
