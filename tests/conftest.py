@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import os
 
-# The tests themselves run in parallel.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
-os.environ.setdefault("NUMBA_NUM_THREADS", "1")
+# Two threads to compare with one, even where there is one core; but the tests themselves run in parallel.
+os.environ.setdefault("NUMBA_NUM_THREADS", "2")
 
 import copy
 import math
@@ -30,6 +30,13 @@ def merge(base: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
     for key, value in changes.items():
         result[key] = {**result.get(key, {}), **value} if isinstance(value, dict) else value
     return result
+
+
+@pytest.fixture(autouse=True, scope="session")
+def _one_numba_thread() -> None:
+    import numba
+
+    numba.set_num_threads(1)
 
 
 @pytest.fixture

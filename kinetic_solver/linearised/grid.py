@@ -83,15 +83,15 @@ class GridLinearisedStep:
 
     def lift(self, f: Array) -> Lifted:
         density = f.sum(axis=1) * self.grid.dv
-        if not np.isfinite(f).all():
-            raise LostAccuracy("f is not finite")
+        mean = float(density.mean())
+        if not (np.isfinite(f).all() and mean > 0):
+            raise LostAccuracy("f is not a distribution any more")
         phi = self.cross_section * self._potential(density)
         if ROUND_OFF * math.exp(min(float(np.ptp(phi)), 700.0)) > self.tolerance:
             return Lifted(f, is_global=False)
-        if self._growing is None:  # the mean density is conserved
-            self._mean_density = float(density.mean())
-            growth = self.cross_section * self._mean_density
-            self._growing = LinearStep(self.grid, self.model, self.drift_diffusion, growth)
+        if self._growing is None or not math.isclose(mean, self._mean_density, rel_tol=1e-12):
+            self._mean_density = mean
+            self._growing = LinearStep(self.grid, self.model, self.drift_diffusion, growth=self.cross_section * mean)
         spectrum = self._transform.forward(f * np.exp(phi - phi.max())[:, None])
         spectrum *= self._keep[:, None]
         return Lifted(self._transform.inverse(), is_global=True)

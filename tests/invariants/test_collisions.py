@@ -237,7 +237,6 @@ def test_follow_leader_conserves_mass_and_is_positive(dt: float) -> None:
     assert np.abs(after.sum(axis=1) - f.sum(axis=1)).max() < 1e-13 * f.sum(axis=1).max()
 
 
-@pytest.mark.skipif(numba.config.NUMBA_NUM_THREADS < 2, reason="one thread is all there is here")
 @pytest.mark.parametrize("operator", [FollowLeader(velocities(64), S), Inelastic(velocities(64), S, 0.4, "cubic")])
 def test_bits_do_not_depend_on_threads(operator: FollowLeader | Inelastic) -> None:
     f = np.tile(states(operator.velocity), (5, 1)) * np.linspace(0.5, 2, 15)[:, None]
