@@ -2,8 +2,8 @@
 
 ρ0 = 1 + 0.5 cos kx + 0.2 sin 3kx, L = 8π, g = γ = σ = 1. Operator (6) at R* = 0.3, 2, 5, from the homogeneous state's (u, θ),
 "a", and from u0 = u_h + 1, θ0 = 0.5σ, "b", against the closed form. Operator (12) with ε = 0.5, Sρ = 10, from the homogeneous
-state, against a run with a collision operator of its own (`FourierInelastic`, spectrally accurate in v; another, 75 × 155 with 320
-steps, differed by 3e-10), which two runs of the product, extrapolated in dv, confirm.
+state, against a run with a collision operator of its own (`FourierInelastic`, spectrally accurate in v; another, 75 × 155
+with 320 steps, differed by 3e-10), which two runs of the product, extrapolated in dv, confirm.
 Timed is the stepping from a prepared state, on grids chosen by hand, and the whole `solve` with everything chosen from rtol.
 Tables: building the stepper, and what its first run takes longer than later ones.
 Fails where a floor is missed. Writes output/work_precision.png and .csv.
@@ -404,12 +404,12 @@ def write(points: list[Point]) -> None:
     panels = figure.subplots(2, 4).ravel()
     problems = list(dict.fromkeys(p.case.problem for p in points))
     problems.sort(key=lambda name: (name.endswith("b"), name.startswith("(12)")))
-    starts = {"a": "from homogeneous (u, θ)", "b": "from u_h + 1, θ = 0.5σ", "": "ε = 0.5, Sρ = 10"}
+    starts = {"a": "homogeneous (u, θ)", "b": "u_h + 1, θ = 0.5σ", "": "ε = 0.5, Sρ = 10"}
     schemes = list(dict.fromkeys(p.case.scheme for p in points))
     handles: dict[str, Any] = {}
     for axes, problem in zip(panels, problems, strict=False):
         for n, scheme in enumerate(schemes):
-            here = sorted((p.seconds, p.error) for p in points if (p.case.problem, p.case.scheme) == (problem, scheme))
+            here = [(p.seconds, p.error) for p in points if (p.case.problem, p.case.scheme) == (problem, scheme)]
             if here:
                 dotted = ":" if scheme.startswith("solve") else "-"
                 (handles[scheme],) = axes.plot(*zip(*here, strict=True), marker="o", ms=4, ls=dotted, color=f"C{n % 10}")
@@ -423,7 +423,7 @@ def write(points: list[Point]) -> None:
             xscale="log",
             yscale="log",
             ylim=(1e-15, 1),
-            title=name + (f", from {starts[start]}" if start else ", ε = 0.5, Sρ = 10"),
+            title=name + (f", {starts[start]}" if start else ", ε = 0.5, Sρ = 10"),
         )
         axes.grid(alpha=0.3)
         axes.set(xlabel="seconds, one core", ylabel="max|Δf|/max f at t = 2")

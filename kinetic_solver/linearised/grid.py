@@ -163,7 +163,9 @@ class GridLinearisedStep:
         # Gravity acts within the kernels; the displacement that these transports miss is the same for all velocities.
         rest = whole.displacement_shift - b * half.velocity_shift - a * whole.velocity_shift
         kernel_t = np.ascontiguousarray(self.drift_diffusion.matrix(h / 2).T)
-        return _LocalTables(_shift(self.grid, a * self.grid.v), _shift(self.grid, b * self.grid.v + rest), kernel_t)
+        outer = _shift(self.grid, a * self.grid.v)
+        inner = _shift(self.grid, b * self.grid.v + rest)
+        return _LocalTables(outer, inner, kernel_t)
 
 
 @dataclass(frozen=True)
