@@ -6,6 +6,7 @@ written, without special settings (HDF5 locks). Each frame is synced to disk as 
 
 from __future__ import annotations
 
+import functools
 import json
 import os
 import sys
@@ -100,19 +101,22 @@ def _bounds(grid: PhaseSpaceGrid) -> dict[str, tuple[str, np.ndarray]]:
     }
 
 
+PACKAGES = ("numpy", "scipy", "numba", "pyfftw", "xarray", "netCDF4")
+_version = functools.cache(metadata.version)
+
+
 def attributes(scene: Scene, method: str) -> dict[str, str | float]:
     """Provenance: the scene as one JSON text, version, command, seed, packages."""
-    names = ("numpy", "scipy", "numba", "pyfftw", "xarray", "netCDF4")
     return {
         "Conventions": "CF-1.11",
         "title": "One-dimensional kinetic equation with friction, noise and collisions",
         "method": method,
         "scene": scene.model_dump_json(by_alias=True, exclude_none=True),
-        "source": f"kinetic-solver {metadata.version('kinetic-solver')}",
-        "version": metadata.version("kinetic-solver"),
+        "source": f"kinetic-solver {_version('kinetic-solver')}",
+        "version": _version("kinetic-solver"),
         "command": " ".join([Path(sys.argv[0]).name, *sys.argv[1:]]),
         "seed": scene.particles.seed,
-        "packages": json.dumps({name: metadata.version(name) for name in names}),
+        "packages": json.dumps({name: _version(name) for name in PACKAGES}),
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
     }
 

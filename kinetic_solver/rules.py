@@ -128,8 +128,8 @@ class Rules:
             return None
         if self.scene.grid.deposit:
             return self.scene.grid.deposit
-        name = "linear" if self.rtol >= 1e-3 else "cubic" if self.rtol >= 1e-6 else "quintic"
-        self.reasons["deposit"] = f"cheapest at rtol = {self.rtol:g}"
+        name = "linear" if self.rtol >= 1e-2 else "quintic"
+        self.reasons["deposit"] = "positive, and accurate enough" if name == "linear" else "fewest points in v"
         return name
 
     def velocity(self) -> str:
@@ -253,11 +253,11 @@ class Rules:
         longest = float(gaps.max()) if time_step is None else min(float(gaps.max()), time_step)
         # A Gaussian of variance θ has the spectrum exp(-θq²/2). The linear step moves waves exp(ikx) by τ before noise damps them
         # (linear.py), which shifts their spectrum by kτ.
-        k, digits = self._waves()
+        k, digits = self._waves
         shear = k * half_transport_time(model.friction, longest)
         spectrum = float((shear + np.sqrt(2 * digits / self.theta_min)).max())
         bounds = {"the narrowest velocity distribution": min(math.pi / spectrum, math.sqrt(self.theta_min) / 2)}
-        if (q := self._phase_mixing()) > 0:
+        if (q := self._phase_mixing) > 0:
             bounds["phase mixing of the initial waves"] = math.pi / q
         noisy = model.friction * model.noise > 0
         if noisy and (scene.operator is not None or drift_diffusion != "kernel"):
@@ -268,6 +268,9 @@ class Rules:
                 bounds[f"the finite volumes' error of order {order}"] = math.sqrt(model.noise) * (self.rtol / coefficient) ** (
                     1 / order
                 )
+                if drift_diffusion == "kernel":
+                    shortest = 0.15 / self.rate() * min(1.0, self.rtol / 1e-4) ** (1 / 8)  # order 8; measured
+                    bounds["the Ornstein-Uhlenbeck kernel of the steps to expect"] = resolved_spacing(model, shortest)
             elif stepping == "exact":
                 h = min(self.farthest_exact_step(), time_step or math.inf)
                 bounds["the Ornstein-Uhlenbeck kernel of one step"] = resolved_spacing(
@@ -317,6 +320,7 @@ class Rules:
         amplitude = np.abs(np.fft.rfft(f, axis=0)).max(axis=1)
         return np.asarray(amplitude / amplitude.max())
 
+    @functools.cached_property
     def _waves(self) -> tuple[Array, Array]:
         """(k, log(10 A_k/rtol)): the initial waves exp(ikx) of relative amplitude A_k above rtol/10, k = 0 always among them.
 
@@ -358,7 +362,7 @@ class Rules:
                 f"grid.velocity = 'hermite': temperatures from {low**2:.3g} to {high**2:.3g} need more than {MOST_HERMITE} "
                 f"functions of variance noise = {sigma:g}; allowed here: 'finite-volume'"
             )
-        k, digits = self._waves()
+        k, digits = self._waves
         orders = np.arange(MOST_HERMITE)
         factorial = np.cumsum(np.log(np.maximum(orders, 1)))
         # After t the wave exp(ikx) of a Maxwellian has coefficients exp(-k²D/2) (k√σ b)^n/√n!; b, D as in ornstein_uhlenbeck.py
@@ -423,13 +427,14 @@ class Rules:
             )
         return int(np.flatnonzero(alive)[-1]) + 1 if alive.any() else 1
 
+    @functools.cached_property
     def _phase_mixing(self) -> float:
         """The largest v-wavenumber at which free motion still leaves an amplitude of rtol/10 of the initial waves.
 
         f's joint characteristic function is Gaussian: at x-wavenumber k it has its peak at q = -kC/V with amplitude
         exp(-k²(D - C²/V)/2) and width V^(-1/2), where V, C, D are the (co)variances of velocity and displacement.
         """
-        k, digits = self._waves()
+        k, digits = self._waves
         worst, theta = 0.0, float(self.theta.min())
         for t in np.linspace(0, self.end, 65)[1:]:
             step = transition(self.scene.model, float(t))

@@ -20,7 +20,7 @@ from kinetic_solver.monitor import Monitor, SolverStopped
 from kinetic_solver.output import MemoryRecorder, Recorder
 from kinetic_solver.plan import Plan, make_plan
 from kinetic_solver.representation import Representation, collision_operator, initial_state, make_representation
-from kinetic_solver.rules import frame_times
+from kinetic_solver.rules import Rules, frame_times
 from kinetic_solver.scene import Scene, SceneError
 from kinetic_solver.stepping import Controlled, ExactStep, ExactSteps, Extrapolated, LostAccuracy, Plain, Stepper, StepTooSmall
 from kinetic_solver.threads import one_blas_thread
@@ -149,6 +149,9 @@ def _integrate(plan: Plan, recorder: Recorder, progress: Progress | None) -> Non
                 f"between t = {start:.6g} and {end:.6g}: {error}; raise accuracy.rtol, or refine grid.nx and grid.nv"
             ) from None
         frames.write(end, f, monitor.check(f, end, _density_defect(stepper)))
+    if isinstance(stepper, Controlled) and plan.symmetric and plan.stepping == "extrapolated":
+        shortest = stepper.shortest / stepper.method.counts[-1]
+        Rules(scene, {}).warn_of_an_unresolved_kernel(grid, shortest, plan.drift_diffusion)
     if isinstance(stepper, Controlled) and stepper.fixed is not None:
         estimate = stepper.error / float(np.abs(f).max())
         if estimate > scene.accuracy.rtol:

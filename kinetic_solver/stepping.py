@@ -132,6 +132,8 @@ class Controlled:
         self.error = 0.0
         self.steps = 0
         self.rejected = 0
+        self.shortest = math.inf
+        """The shortest step taken."""
         self._length = longest
 
     def advance(self, f: Array, interval: float, observer: Observer) -> Array:
@@ -139,7 +141,7 @@ class Controlled:
             count = _count(interval, self.fixed)
             for n in range(count):
                 f, error = self.method.step(f, interval / count)
-                self._accept(error)
+                self._accept(error, interval / count)
                 observer(f, interval * (n + 1) / count)
             return f
         # The place in the interval, in units of interval/2^DEEPEST: exact.
@@ -158,7 +160,7 @@ class Controlled:
                 self.rejected += 1
                 continue
             f, place, self._length = new, place + units, h
-            self._accept(error)
+            self._accept(error, h)
             observer(f, interval * (place / whole))
             # Longer again, with a margin that spares rejections, where the place lies on the coarser lattice.
             if error < 0.3 * allowed / 2**self._order:
@@ -175,8 +177,9 @@ class Controlled:
         """The least number of halvings that brings the interval down to `length`."""
         return min(self.DEEPEST, max(0, math.ceil(math.log2(interval / length) - 1e-9))) if length < interval else 0
 
-    def _accept(self, error: float) -> None:
+    def _accept(self, error: float, h: float) -> None:
         self.error += error
+        self.shortest = min(self.shortest, h)
         self.steps += 1
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from typing import Any
 
 
@@ -12,6 +13,13 @@ def one_blas_thread() -> Any:
     wait for the same cores: steps 30 times slower on two cores (docs/performance.md). It also makes results independent of
     the number of cores.
     """
-    from threadpoolctl import threadpool_limits
+    return _controller().limit(limits=1, user_api="blas")
 
-    return threadpool_limits(limits=1, user_api="blas")
+
+@functools.cache
+def _controller() -> Any:
+    # Looking for the loaded libraries takes milliseconds, so it is done once; NumPy's and SciPy's BLAS are among them by then.
+    import scipy.linalg  # noqa: F401
+    from threadpoolctl import ThreadpoolController
+
+    return ThreadpoolController()
