@@ -237,7 +237,7 @@ class Rules:
         return sum(_steps(float(gap), h) for gap in np.diff(frame_times(scene)))
 
     def error_share(self) -> float:
-        return 0.3 * math.exp(-0.3 * self.amplification()) if self.scene.operator == FOLLOW_LEADER else 0.5
+        return 0.3 * math.exp(-0.3 * self.amplification()) if self.scene.operator == FOLLOW_LEADER else 0.15
 
     def nv(
         self, window: tuple[float, float], stepping: str, time_step: float | None, deposit: str | None, drift_diffusion: str
