@@ -22,7 +22,7 @@ class Ledger:
     their solution is closed, and the residual, total - initial - Σ terms, is what drift-diffusion got wrong. With collisions
     p, E, c₁ and c₂ are integrated in time, and the residual holds that quadrature's error too: over exact steps by the four-point
     Gauss-Legendre rule (`over`), since the state is known at any time; else by a quintic spline through the ends of the steps
-    (`step`), which Rules.budget_step keeps short enough.
+    (`step`), which Rules.budget_step keeps short enough unless grid.time_step says otherwise.
     """
 
     HISTORY = 6

@@ -218,7 +218,10 @@ class Accuracy(_Table):
 
 
 class Grid(_Table):
-    """Discretisation. What is given is kept as given; the rest follows from rtol by the rules in docs/accuracy.md."""
+    """Discretisation. What is given is kept as given; the rest follows from rtol by the rules in docs/accuracy.md.
+
+    `time_step` is the longest step: exact steps, which gain nothing from it, may be shorter.
+    """
 
     nx: Count | None = None
     nv: Annotated[int, Field(strict=True, ge=8)] | None = None
@@ -227,7 +230,7 @@ class Grid(_Table):
     velocity: Literal["finite-volume", "hermite"] | None = None
     """How f depends on v: points (robust, the default), or nv Hermite functions about the homogeneous state."""
     stepping: Literal["exact", "extrapolated", "strang"] | None = None
-    """In time: exact (no collisions, and operator (6)); high order with error control; or Strang's positive method, order 2."""
+    """In time: exact (no collisions, and operator (6)); high order with error control; or Strang's method, order 2."""
     drift_diffusion: Literal["kernel", "finite-volume-8", "finite-volume"] | None = None
     """Between velocity points: the exact Ornstein-Uhlenbeck kernel, or finite volumes of order 8 or 2 (positive)."""
     deposit: Literal["linear", "cubic", "quintic"] | None = None

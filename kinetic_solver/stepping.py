@@ -117,6 +117,8 @@ class Controlled:
     """
 
     DEEPEST = 20
+    TOLERABLE = 100.0
+    """Times the tolerance: an error of the grid's that a step is accepted with, after a warning."""
 
     def __init__(
         self,
@@ -134,6 +136,8 @@ class Controlled:
         self.rejected = 0
         self.shortest = math.inf
         """The shortest step taken."""
+        self._limit = 1.0
+        """Of the error over the tolerance; more where the grid, not the step, limits it."""
         self._length = longest
 
     def advance(self, f: Array, interval: float, observer: Observer) -> Array:
@@ -148,22 +152,35 @@ class Controlled:
         whole, place = 2**self.DEEPEST, 0
         shallowest = self._level(interval, self.longest)
         level = max(shallowest, self._level(interval, self._length))
+        failed, useless = math.inf, 0
         while place < whole:
             units, h = whole >> level, interval / 2**level
             new, error = self.method.step(f, h)
             allowed = self.tolerance(f) * h
-            if not error <= allowed:  # a NaN is no small error
+            # A NaN is no small error. One that twice falls no faster than the step is not the method's, but the grid's.
+            excess = error / allowed if math.isfinite(error) else math.inf
+            useless = useless + 1 if excess > failed / 4 else 0
+            if not excess <= self._limit and not (useless >= 2 and excess < self.TOLERABLE):
                 if level == self.DEEPEST:
                     raise StepTooSmall(f"no step down to {h:.2g} keeps the error asked for")
-                excess = min(error / allowed, 1e300) if math.isfinite(error) else 2.0
-                level = min(self.DEEPEST, level + max(1, math.ceil(math.log2(excess) / self._order)))
+                more = math.ceil(math.log2(excess) / self._order) if math.isfinite(excess) else 1
+                level = min(self.DEEPEST, level + max(1, more))
                 self.rejected += 1
+                failed = excess
                 continue
+            if excess > self._limit:
+                self._limit = min(self.TOLERABLE, 2 * failed)  # the longer step was as good
+                warnings.warn(
+                    f"steps shorter than {2 * h:.2g} no longer help: the grid limits the accuracy; widen grid.velocity_window or "
+                    "raise grid.nv",
+                    stacklevel=2,
+                )
+            failed = math.inf
             f, place, self._length = new, place + units, h
             self._accept(error, h)
             observer(f, interval * (place / whole))
             # Longer again, with a margin that spares rejections, where the place lies on the coarser lattice.
-            if error < 0.3 * allowed / 2**self._order:
+            if excess < 0.3 * self._limit / 2**self._order:
                 self._length = 2 * h
                 if level > shallowest and place % (2 * units) == 0:
                     level -= 1
@@ -242,7 +259,13 @@ class ExactSteps:
 
     def advance(self, f: Array, interval: float, observer: Observer) -> Array:
         if not self._links:
-            self._links = [(0.0, self.step.lift(f))]
+            try:
+                self._links = [(0.0, self.step.lift(f))]
+            except LostAccuracy as lost:  # as the start is, so all that follows: nothing to return to
+                if self.fallback is None:
+                    raise
+                warnings.warn(f"{lost}: the quadrature path takes over", stacklevel=2)
+                return self.fallback.advance(f, interval, observer)
         count = _count(interval, self.longest)
         h, start = interval / count, self._time
         for n in range(count):

@@ -31,7 +31,7 @@ class HermiteLinearisedStep:
     `mean_density`; the result's is, to round-off: that of n/W misses it by aliasing, and f is scaled by what is missing.
 
     A Fourier transform's error is relative to the largest W on the pipe, so f has a relative error of order `round_off`,
-    2.2e-16 exp(`gauge_range`), where W is smallest: 4e-7 at a range of 21. Near 36 nothing is left and W comes out negative:
+    2.2e-16 exp(`gauge_range`), where W is smallest: 3e-7 at a range of 21. Near 36 nothing is left and W comes out negative:
     raises LostAccuracy, as it does where `round_off` exceeds `tolerance`. Choose nx odd. An even one works where its Nyquist
     cosine is negligible: that has no derivative on the grid, so W's equation takes the real k for ik there, and its propagator is
     the real part.

@@ -63,8 +63,8 @@ def _critical_collision_number(wavenumber: float, moments: int) -> float:
     def growth(number: float) -> float:
         return float(np.linalg.eigvals(closure_generator(wavenumber, number, moments)).real.max())
 
-    # The density mode decays as -k² at R* = 0. R*_c grows as √moments and, at long waves, as k^(-1/2).
-    numbers = np.linspace(0.0, 4 * math.sqrt(moments) * (1 + wavenumber**-0.5), 400)[1:]
+    # Stable at R* = 0. Upwards in small ratios, as far as R*_c was seen to lie: it grows with the moments, and as 1/k.
+    numbers = np.geomspace(0.5, 4 * moments * (1 + 1 / wavenumber), 600)
     previous = 0.0
     for number in numbers:
         if growth(float(number)) > 0:

@@ -1,4 +1,4 @@
-"""rtol delivers: everything chosen from it (plan.py, docs/accuracy.md), the result held against exact or refined solutions.
+"""rtol delivers: everything chosen from it (rules.py, docs/accuracy.md), the result held against exact or refined solutions.
 
 The wide sweep behind the rules' constants is benchmarks/accuracy_rules.py; here are its corners.
 """
@@ -85,7 +85,7 @@ def test_operator_6_at_a_fine_tolerance() -> None:
         (0.0, 0.5, 1e-4, 3.0, 0.2, 0.1),
     ],
 )
-@pytest.mark.filterwarnings("ignore:.*velocity window")  # of the reference: the run's own window, at a hundredth of its rtol
+@pytest.mark.filterwarnings("ignore:.*velocity(_| )window")  # of the reference: the run's own window, at a hundredth of its rtol
 def test_operator_12_against_a_refined_run(
     restitution: float, number: float, rtol: float, length: float, temperature: float | None, end: float
 ) -> None:
