@@ -91,6 +91,7 @@ def _make_plan(scene: Scene, reasons: dict[str, str]) -> Plan:
     if stepping == "exact" and velocity == "finite-volume":
         shortest = rules.shortest_exact_step(grid)
     elif stepping == "strang":
+        rules.warn_of_a_long_strang_step()
         rules.warn_of_an_unresolved_kernel(grid, time_step, drift_diffusion)
     steps, share = rules.expected_steps(stepping, time_step), rules.error_share()
     plan = Plan(scene, grid, velocity, stepping, time_step, shortest, drift_diffusion, deposit, steps, share, reasons)

@@ -171,11 +171,7 @@ class Rules:
         if operator is None or given:
             return min(given, self.farthest_exact_step() if stepping == "exact" else given) if operator and given else None
         if stepping == "strang":
-            coefficient = STRANG_ERROR[operator]
-            if operator == FOLLOW_LEADER:
-                coefficient *= math.exp(0.3 * self.amplification())
-            else:
-                coefficient *= (1 - self.scene.restitution**2) ** 2
+            coefficient = self.strang_coefficient()
             h = min(1.0, math.sqrt(self.rtol / coefficient)) / self.rate()
             self.reasons["time_step"] = f"splitting error {coefficient:.2g} (rate h)² = rtol, rate = {self.rate():.3g}"
             return min(h, self.end)
@@ -189,6 +185,25 @@ class Rules:
         reason, h = min(limits.items(), key=lambda item: item[1])
         self.reasons["time_step"] = ("exact; " if stepping == "exact" else "error control; at most ") + reason
         return h
+
+    def strang_coefficient(self) -> float:
+        """Strang's error of f over max f, over (rate h)²."""
+        if self.scene.operator == FOLLOW_LEADER:
+            return STRANG_ERROR[FOLLOW_LEADER] * math.exp(0.3 * self.amplification())
+        return STRANG_ERROR[INELASTIC] * (1 - self.scene.restitution**2) ** 2
+
+    def warn_of_a_long_strang_step(self) -> None:
+        """A given step is kept as given."""
+        h = self.scene.grid.time_step
+        if h is None:
+            return
+        error = self.strang_coefficient() * (self.rate() * h) ** 2
+        if error > self.rtol:
+            warnings.warn(
+                f"grid.time_step = {h:g}: Strang's splitting errs by about {error:.2g} of max f (accuracy.rtol = {self.rtol:g}); "
+                "reduce it, or leave it out",
+                stacklevel=3,
+            )
 
     def budget_step(self) -> float:
         """At which the budgets' integrals in time, quintic splines, are good to about 1e-6 of what the terms bring."""
