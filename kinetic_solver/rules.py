@@ -64,6 +64,10 @@ class Rules:
         self.end = scene.run.end_time
         self.whole = transition(scene.model, self.end)
         theta_end = float(self.theta.max()) * self.whole.decay**2 + self.whole.velocity_variance
+        if scene.operator == INELASTIC and float(self.rho.min()) > 0:
+            # Collisions cool: the hottest place is the thinnest one, and no hotter than its own stationary state.
+            thinnest = homogeneous_state(_at_density(scene, float(self.rho.min())))
+            theta_end = min(theta_end, thinnest.temperature if thinnest is not None else theta_end)
         self.theta_max = max(float(self.theta.max()), theta_end)
         theta_least = float(self.theta.min())
         self.theta_min = min(theta_least, theta_least * self.whole.decay**2 + self.whole.velocity_variance)
@@ -178,6 +182,8 @@ class Rules:
         limits = {"from frame to frame": float(np.diff(frame_times(self.scene)).max())}
         if stepping == "extrapolated" and self.scene.output.budgets is not False:
             limits["the budgets' integrals in time"] = self.budget_step()
+        if operator == INELASTIC:
+            limits["where the error's estimate can be believed"] = 1 / self.rate()
         if stepping == "exact":
             limits["how far collisions move the flow within a step"] = self.farthest_exact_step()
             if velocity == "finite-volume" and self.scene.grid.nv is None:
