@@ -117,8 +117,6 @@ class Controlled:
     """
 
     DEEPEST = 20
-    TOLERABLE = 100.0
-    """Times the tolerance: an error of the grid's that a step is accepted with, after a warning."""
 
     def __init__(
         self,
@@ -157,10 +155,10 @@ class Controlled:
             units, h = whole >> level, interval / 2**level
             new, error = self.method.step(f, h)
             allowed = self.tolerance(f) * h
-            # A NaN is no small error. One that twice falls no faster than the step is not the method's, but the grid's.
+            # A NaN is no small error. One that twice falls just as the step does is not the method's, but the grid's.
             excess = error / allowed if math.isfinite(error) else math.inf
-            useless = useless + 1 if excess > failed / 4 else 0
-            if not excess <= self._limit and not (useless >= 2 and excess < self.TOLERABLE):
+            useless = useless + 1 if failed / 4 < excess < 1.5 * failed < math.inf else 0
+            if not excess <= self._limit and useless < 2:
                 if level == self.DEEPEST:
                     raise StepTooSmall(f"no step down to {h:.2g} keeps the error asked for")
                 more = math.ceil(math.log2(excess) / self._order) if math.isfinite(excess) else 1
@@ -169,7 +167,7 @@ class Controlled:
                 failed = excess
                 continue
             if excess > self._limit:
-                self._limit = min(self.TOLERABLE, 2 * failed)  # the longer step was as good
+                self._limit = 4 * failed  # the longer step was as good
                 warnings.warn(
                     f"steps shorter than {2 * h:.2g} no longer help: the grid limits the accuracy; widen grid.velocity_window or "
                     "raise grid.nv",
