@@ -406,9 +406,9 @@ class Rules:
         n = self.initial_modes()
         reason = f"{n} modes of the initial state"
         if self.scene.operator is not None:
-            contrast = self.scene.cross_section * float(self.rho.max() - self.rho.min())
             if self.scene.operator == FOLLOW_LEADER:
                 # Collisions steepen density fronts to tanh profiles of width 2/(S Δρ), whose spectrum falls as exp(-πk/(SΔρ)).
+                contrast = self.scene.cross_section * float(self.rho.max() - self.rho.min())
                 more = contrast * math.log(10 / self.rtol) / math.pi * self.scene.pipe.length / (2 * math.pi)
                 why = "the fronts that collisions can make"
             else:
