@@ -9,9 +9,9 @@ from scipy.interpolate import make_interp_spline
 
 from kinetic_solver.arrays import Array
 from kinetic_solver.collisions.protocol import CollisionOperator
+from kinetic_solver.frame import Frame, Place
 from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.moments import totals
-from kinetic_solver.scene import Model
 from kinetic_solver.velocity.ornstein_uhlenbeck import transition
 
 
@@ -27,14 +27,16 @@ class Ledger:
 
     HISTORY = 6
 
-    def __init__(self, grid: PhaseSpaceGrid, model: Model, operator: CollisionOperator | None, f: Array) -> None:
+    def __init__(self, grid: PhaseSpaceGrid, frame: Frame, operator: CollisionOperator | None, f: Array) -> None:
         self.grid = grid
-        self.model = model
+        """Of the states to come; like `operator` it may be exchanged."""
+        self.frame = frame
+        self.model = frame.model
         self.operator = operator
-        self.initial = np.array(totals(grid, f))
+        self.initial = np.array(frame.place(0.0).totals(totals(grid, f)))
         self._nodes: list[tuple[float, Array, Array]] = []
         self._booked = 0
-        self._integral = np.zeros(4)
+        self._integral: Array = np.zeros(4)
         self._exact = False
         self.step(0.0, f)
         self.brought = {
@@ -47,22 +49,35 @@ class Ledger:
             "energy_from_collisions": 0.0,
         }
 
-    def step(self, time: float, f: Array) -> None:
-        """A step has ended at `time`."""
-        self._nodes.append((time, np.array(totals(self.grid, f)), self._collisions(f)))
+    def step(self, clock: float, f: Array) -> None:
+        """A step has ended when the frame's clock shows this."""
+        place = self.frame.place(clock)
+        self._nodes.append((place.time, np.array(place.totals(totals(self.grid, f))), self._collisions(f, place)))
 
     def over(self, state_at: Callable[[float], Array], start: float, end: float) -> None:
-        """Integrate over a step whose f is known at any time."""
+        """Integrate over a step, by the frame's clock, whose f is known at any time."""
         nodes, weights = np.polynomial.legendre.leggauss(4)
         for node, weight in zip(nodes, weights, strict=True):
-            f = state_at((start + end) / 2 + (end - start) / 2 * node)
-            sample = np.array([*totals(self.grid, f)[1:], *self._collisions(f)])
-            self._integral = self._integral + (end - start) / 2 * weight * sample
+            clock = (start + end) / 2 + (end - start) / 2 * node
+            f, place = state_at(clock), self.frame.place(clock)
+            sample = np.array([*place.totals(totals(self.grid, f))[1:], *self._collisions(f, place)])
+            self._integral = self._integral + (end - start) / 2 * weight / place.scale * sample
             self._exact = True
 
-    def _collisions(self, f: Array) -> Array:
+    def mark(self) -> tuple[int, Array]:
+        """To come back to with `rewind`, before the next record."""
+        return len(self._nodes), self._integral
+
+    def rewind(self, mark: tuple[int, Array]) -> None:
+        del self._nodes[mark[0] :]
+        self._integral = mark[1]
+
+    def _collisions(self, f: Array, place: Place) -> Array:
         """(c₁, c₂)."""
-        return np.array(totals(self.grid, self.operator.rate(f))[1:]) if self.operator is not None else np.zeros(2)
+        if self.operator is None:
+            return np.zeros(2)
+        _, p, energy = totals(self.grid, self.operator.rate(f))
+        return np.array(place.rates((p, energy)))
 
     def _book(self) -> None:
         """Integrate over the steps since the last record."""

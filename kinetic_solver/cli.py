@@ -126,15 +126,18 @@ def _run_grid(scene: Scene, target: Path, overwrite: bool) -> None:
     from kinetic_solver.solver import integrate
 
     plan = make_plan(scene)
-    recorder = NetCDFRecorder(target, plan.grid, scene, overwrite=overwrite)
+    recorder = NetCDFRecorder(target, plan.output, scene, overwrite=overwrite)
     try:
         with _progress() as progress:
-            integrate(plan, recorder, progress)
+            report = integrate(plan, recorder, progress)
     except BaseException as stop:
         reason = str(stop) if isinstance(stop, SolverStopped) else f"interrupted by {type(stop).__name__} {stop}".strip()
         recorder.close(stopped=reason)
         raise
-    recorder.close()
+    recorder.close(report=report.attributes())
+    print(
+        f"estimated error {report.error:.2g} of max f (accuracy.rtol = {scene.accuracy.rtol:g}); limited by {report.limited_by}"
+    )
 
 
 def _run_exact(scene: Scene, target: Path, overwrite: bool) -> None:

@@ -49,6 +49,11 @@ VARIABLES: dict[str, dict[str, tuple[tuple[str, ...], str, str]]] = {
         "velocity_curvature": ((), "1", "largest second difference of f in v over max f; 0.5 is unresolved"),
         "spectral_tail": ((), "1", "largest amplitude in the highest eighth of wavenumbers over the largest of all"),
         "density_defect": ((), "1", "what the linearised step of operator (6) misses of the density, over its maximum"),
+        "error_estimate": ((), "1", "estimated error of f over max f: the sum of its parts below"),
+        "error_time": ((), "1", "of it, from the steps in time"),
+        "error_x": ((), "1", "of it, from the waves in x that the grid cannot hold"),
+        "error_v": ((), "1", "of it, from the spacing in v"),
+        "error_window": ((), "1", "of it, from the edges of the velocity window"),
     },
     "budgets": {
         **{f"momentum_rate_{t}": ((), "particles length time-2", f"rate of momentum by {t}")
@@ -133,8 +138,8 @@ class Recorder(Protocol):
 
     def record(self, time: float, frame: Frame) -> None: ...
 
-    def close(self, stopped: str | None = None) -> None:
-        """The run is over: finished, or stopped for the reason given."""
+    def close(self, stopped: str | None = None, report: Mapping[str, str] | None = None) -> None:
+        """The run is over: finished, with what it reports as attributes, or stopped for the reason given."""
 
 
 class MemoryRecorder:
@@ -145,7 +150,8 @@ class MemoryRecorder:
         self._dimensions = _time_dimensions(scene)
         self._times: dict[str, list[float]] = {name: [] for name in self._dimensions.values()}
         self._values: dict[str, list[Any]] = {}
-        self._status, self._reason = RUNNING, ""
+        self._status = RUNNING
+        self._last: dict[str, str] = {}
 
     def record(self, time: float, frame: Frame) -> None:
         for group, values in frame.items():
@@ -155,8 +161,9 @@ class MemoryRecorder:
             for name, value in values.items():
                 self._values.setdefault(name, []).append(np.array(value, dtype=float))
 
-    def close(self, stopped: str | None = None) -> None:
-        self._status, self._reason = (STOPPED, stopped) if stopped else (FINISHED, "")
+    def close(self, stopped: str | None = None, report: Mapping[str, str] | None = None) -> None:
+        self._status = STOPPED if stopped else FINISHED
+        self._last = {"stopped": stopped} if stopped else dict(report or {})
 
     def dataset(self) -> xr.Dataset:
         import xarray as xr
@@ -174,8 +181,7 @@ class MemoryRecorder:
         for name, times in self._times.items():
             coordinates[name] = (name, np.array(times), {"long_name": "time", "units": "time", "axis": "T"})
         dataset = xr.Dataset(data, coordinates, attributes(self.scene, self.method))
-        if self._reason:
-            dataset.attrs["stopped"] = self._reason
+        dataset.attrs.update(self._last)
         return dataset
 
 
@@ -248,13 +254,12 @@ class NetCDFRecorder:
             self._count[dimension] = index + 1
         self._sync()
 
-    def close(self, stopped: str | None = None) -> None:
+    def close(self, stopped: str | None = None, report: Mapping[str, str] | None = None) -> None:
         if self._file is None:
             return
         self._file["status"][...] = STOPPED if stopped else FINISHED
         self._sync()
-        if stopped:
-            self._file.setncattr("stopped", stopped)
+        self._file.setncatts({"stopped": stopped} if stopped else dict(report or {}))
         self._file.close()
 
     def _sync(self) -> None:

@@ -2,25 +2,41 @@
 
 from __future__ import annotations
 
+import math
 import os
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
 from kinetic_solver import initial
+from kinetic_solver.arrays import Array
+from kinetic_solver.frame import Frame
 from kinetic_solver.grid import PhaseSpaceGrid
-from kinetic_solver.rules import Rules
+from kinetic_solver.rules import Rules, frame_times
 from kinetic_solver.scene import FOLLOW_LEADER, Scene, SceneError
 
+WORTH_MOVING = 1.5
+"""How much narrower a moving frame must make the window: frames are interpolated then."""
+MOST_VELOCITIES = 20_000
+"""Of the output of a noiseless run."""
 STATE_ARRAYS = 8
 """Arrays of the size of f alive at once: the state, its transform, collision stages, diagnostics."""
 
 
 @dataclass(frozen=True)
 class Plan:
-    """The discretisation of one run."""
+    """The discretisation of one run. What is stepped is `inner`, the scene in its frame of reference."""
 
     scene: Scene
+    frame: Frame
+    inner: Scene
+    times: Array
+    """When anything is written, by the frame's clock."""
     grid: PhaseSpaceGrid
+    """Of the first step: error control may change it."""
+    output: PhaseSpaceGrid
+    """Of the dataset, in the laboratory: fixed."""
     velocity: str
     """"finite-volume" or "hermite"."""
     stepping: str
@@ -46,6 +62,12 @@ class Plan:
     def controlled(self) -> bool:
         """True where steps are found while running."""
         return self.stepping == "extrapolated" and self.scene.grid.time_step is None
+
+    @property
+    def memory_time(self) -> float:
+        """How long errors last: the run, or a few relaxation times; by the frame's clock."""
+        friction = self.inner.model.friction
+        return min(self.inner.run.end_time, 5 / friction if friction > 0 else math.inf)
 
     @property
     def memory(self) -> int:
@@ -76,6 +98,12 @@ def make_plan(scene: Scene) -> Plan:
 def _make_plan(scene: Scene, reasons: dict[str, str]) -> Plan:
     rules = Rules(scene, reasons)
     rules.check_given()
+    frame = _frame(rules)
+    lab, scene = scene, frame.scene(scene)
+    times = np.array([frame.clock(float(time)) for time in frame_times(lab)])
+    if frame.moving:
+        reasons.clear()
+        rules = Rules(scene, reasons, times)
     velocity, stepping = rules.velocity(), rules.stepping()
     window = scene.grid.velocity_window or rules.window()
     deposit = rules.deposit()
@@ -94,9 +122,42 @@ def _make_plan(scene: Scene, reasons: dict[str, str]) -> Plan:
         rules.warn_of_a_long_strang_step()
         rules.warn_of_an_unresolved_kernel(grid, time_step, drift_diffusion)
     steps, share = rules.expected_steps(stepping, time_step), rules.error_share()
-    plan = Plan(scene, grid, velocity, stepping, time_step, shortest, drift_diffusion, deposit, steps, share, reasons)
-    _check_memory(plan)
+    output = _output_grid(grid, frame, times, lab)
+    plan = Plan(
+        lab, frame, scene, times, grid, output, velocity, stepping, time_step, shortest, drift_diffusion, deposit, steps, share,
+        reasons,
+    )  # fmt: skip
+    check_memory(plan)
     return plan
+
+
+def _frame(rules: Rules) -> Frame:
+    """A moving frame where gravity would ask for a much wider window, or friction without noise for an ever finer dv."""
+    scene = rules.scene
+    given = scene.grid
+    rest, moving = Frame(scene.model), Frame(scene.model, moving=True, start=rules.u0)
+    if given.nv or given.velocity_window or given.velocity == "hermite" or scene.initial.file or scene.output.moment_equations:
+        return rest
+    if moving.noiseless:
+        return moving if rules.shifted() else rest
+    (low, high), (inner_low, inner_high) = rules.window(), Rules(moving.scene(scene), {}).window()
+    return moving if high - low > WORTH_MOVING * (inner_high - inner_low) else rest
+
+
+def _output_grid(grid: PhaseSpaceGrid, frame: Frame, times: Array, scene: Scene) -> PhaseSpaceGrid:
+    """Holds all that the solver's first window holds, at every frame, with its resolution."""
+    if not frame.moving:
+        return grid
+    places = [frame.place(float(clock)) for clock in times]
+    low = min(place.velocity + place.scale * grid.low for place in places)
+    high = max(place.velocity + place.scale * grid.high for place in places)
+    nv = math.ceil((high - low) / (grid.dv * min(place.scale for place in places)) - 1e-9)
+    if nv > MOST_VELOCITIES:
+        raise SceneError(
+            f"run.end_time = {scene.run.end_time:g}: without noise the velocity distribution becomes so narrow that the output "
+            f"would need {nv} velocities; allowed: {MOST_VELOCITIES}; end the run earlier"
+        )
+    return PhaseSpaceGrid(grid.nx, nv, grid.length, low, high)
 
 
 def _on_the_files_grid(scene: Scene, reasons: dict[str, str]) -> Scene:
@@ -110,7 +171,8 @@ def _on_the_files_grid(scene: Scene, reasons: dict[str, str]) -> Scene:
     return scene.model_copy(update={"grid": scene.grid.model_copy(update=missing)})
 
 
-def _check_memory(plan: Plan) -> None:
+def check_memory(plan: Plan) -> None:
+    """Raises SceneError where this machine cannot hold the plan."""
     available = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
     if plan.memory > 0.9 * available:
         g = plan.grid

@@ -56,17 +56,17 @@ class VelocityPoints:
 
     def __init__(self, plan: Plan) -> None:
         self.plan = plan
-        self.linear: Substep = LinearStep(plan.grid, plan.scene.model, self._drift_diffusion())
+        self.linear: Substep = LinearStep(plan.grid, plan.inner.model, self._drift_diffusion())
 
     def start(self) -> Array:
-        scene, grid = self.plan.scene, self.plan.grid
+        scene, grid = self.plan.inner, self.plan.grid
         return initial_state(scene, grid, initial.resolved_density(scene, grid.x))
 
     def points(self, state: Array) -> Array:
         return state
 
     def linearised(self, tolerance: float) -> GridLinearisedStep:
-        scene, grid = self.plan.scene, self.plan.grid
+        scene, grid = self.plan.inner, self.plan.grid
         drift_diffusion = self._drift_diffusion()
         if self.plan.drift_diffusion == "kernel":
             # Steps too short for the kernel are not built upon (stepping.ExactSteps), so its band-limited form will do for them.
@@ -81,13 +81,13 @@ class VelocityPoints:
         return lawson(operator.rate, self.linear)
 
     def _drift_diffusion(self) -> DriftDiffusion:
-        grid, model = self.plan.grid, self.plan.scene.model
+        grid, model = self.plan.grid, self.plan.inner.model
         if self.plan.drift_diffusion == "finite-volume":
             return FiniteVolume(grid, model)
         if self.plan.drift_diffusion == "finite-volume-8":
             return HighOrderFiniteVolume(grid, model)
         # Operator (6) amplifies errors in the slow tail: there a step too short for the kernel must stay accurate relative to f.
-        amplified = self.plan.scene.operator == FOLLOW_LEADER and model.friction * model.noise > 0
+        amplified = self.plan.inner.operator == FOLLOW_LEADER and model.friction * model.noise > 0
         return OrnsteinUhlenbeckKernel(grid, model, HighOrderFiniteVolume(grid, model) if amplified else None)
 
 
@@ -96,12 +96,12 @@ class HermiteCoefficients:
 
     def __init__(self, plan: Plan) -> None:
         self.plan = plan
-        self.basis = hermite_basis(plan.scene, plan.grid.nv)
+        self.basis = hermite_basis(plan.inner, plan.grid.nv)
         self._values = self.basis.values(plan.grid.v)
-        self.linear: Substep = HermiteLinearStep(plan.grid, self.basis, plan.scene.model)
+        self.linear: Substep = HermiteLinearStep(plan.grid, self.basis, plan.inner.model)
 
     def start(self) -> Array:
-        scene, grid = self.plan.scene, self.plan.grid
+        scene, grid = self.plan.inner, self.plan.grid
         if scene.initial.file is not None:
             return self.basis.coefficients(initial.from_file(scene, grid.x, grid.v), grid.v)
         u0, theta0 = start_state(scene)
@@ -115,13 +115,13 @@ class HermiteCoefficients:
         return state @ self._values
 
     def linearised(self, tolerance: float) -> HermiteLinearisedStep:
-        grid, scene = self.plan.grid, self.plan.scene
+        grid, scene = self.plan.grid, self.plan.inner
         return HermiteLinearisedStep(
             grid.length, grid.nx, self.basis, scene.model, scene.cross_section, scene.initial.density, tolerance
         )
 
     def split(self) -> BaseMethod:
-        scene = self.plan.scene
+        scene = self.plan.inner
         if scene.operator == FOLLOW_LEADER:
             return lawson(FollowLeaderHermite(self.basis, scene.cross_section).rate, self.linear)
         return lawson(InelasticHermite(self.basis, scene.cross_section, scene.restitution).rate, self.linear)
@@ -136,7 +136,7 @@ def hermite_basis(scene: Scene, count: int) -> HermiteBasis:
 
 def collision_operator(plan: Plan) -> CollisionOperator | None:
     """The operator that the scene needs, on the plan's velocity points; None without collisions."""
-    scene = plan.scene
+    scene = plan.inner
     if scene.operator is None:
         return None
     if scene.operator == FOLLOW_LEADER:

@@ -27,7 +27,7 @@ STRANG_ERROR = {FOLLOW_LEADER: 0.015, INELASTIC: 0.06}
 """Measured, times a safety factor of 2: max f error / max f <= coefficient·(rate·h)², times exp(0.3 R_t) for (6), (1 - ε²)² for
 (12); R_t and rate below."""
 FINITE_VOLUME_ERROR = {"finite-volume": (0.05, 2), "finite-volume-8": (0.1, 8)}
-"""Measured, times a safety factor: max f error / max f <= coefficient·weight·(dv/√σ)^order; the weight is Rules._tail_weight."""
+"""Measured, times a safety factor: max f error / max f <= coefficient·weight·(dv/√σ)^order; the weight is Rules.tail_weight."""
 LAWSON_ERROR = 1.2e-4
 """Measured: max f error / max f is about 1.2e-4 (rate h)^5, extrapolated Lawson method. It only estimates the number of steps."""
 LEAST_RTOL_OF_A_STEP = 5e-5
@@ -50,8 +50,10 @@ def frame_times(scene: Scene) -> Array:
 class Rules:
     """What each choice must resolve, for one scene; every answer leaves its reason in `reasons`."""
 
-    def __init__(self, scene: Scene, reasons: dict[str, str]) -> None:
+    def __init__(self, scene: Scene, reasons: dict[str, str], times: Array | None = None) -> None:
         self.scene, self.reasons = scene, reasons
+        self.times = frame_times(scene) if times is None else times
+        """When anything is written, by the clock of the scene's frame of reference."""
         self.rtol = scene.accuracy.rtol
         self.tail = math.sqrt(2 * math.log(10 / self.rtol))
         """Standard deviations at which a Gaussian is rtol/10 of its maximum."""
@@ -89,7 +91,7 @@ class Rules:
         """
         means = self.means()
         reach = self.tail * math.sqrt(self.theta_max)
-        if self.scene.operator == FOLLOW_LEADER and self.scene.model.friction * self.scene.model.noise == 0:
+        if self.scene.operator == FOLLOW_LEADER and self.shifted():
             # The kernel is a shift then, periodic in v: what leaves above comes back in the slow tail, which (6) amplifies.
             reach = math.sqrt(self.tail**2 + 2 * self.amplification() * self.tail) * math.sqrt(self.theta_max)
         low, high = min(means) - reach, max(means) + reach
@@ -100,6 +102,11 @@ class Rules:
             + (", and the amplified slow tail of (6)" if self.scene.operator == FOLLOW_LEADER else "")
         )
         return low, high
+
+    def shifted(self) -> bool:
+        """True where velocities are shifted or contracted without noise: only in a frame at rest (frame.py)."""
+        model = self.scene.model
+        return model.friction * model.noise == 0 and (model.friction > 0 or model.gravity != 0)
 
     def means(self) -> list[float]:
         """Mean velocities at the start, and at the end as gravity and friction alone would have them."""
@@ -179,7 +186,7 @@ class Rules:
             h = min(1.0, math.sqrt(self.rtol / coefficient)) / self.rate()
             self.reasons["time_step"] = f"splitting error {coefficient:.2g} (rate h)² = rtol, rate = {self.rate():.3g}"
             return min(h, self.end)
-        limits = {"from frame to frame": float(np.diff(frame_times(self.scene)).max())}
+        limits = {"from frame to frame": float(np.diff(self.times).max())}
         if stepping == "extrapolated" and self.scene.output.budgets is not False:
             limits["the budgets' integrals in time"] = self.budget_step()
         if operator == INELASTIC:
@@ -255,7 +262,7 @@ class Rules:
             by_accuracy = (self.rtol / LAWSON_ERROR) ** 0.2 / self.rate()
             fastest = self.collision_rate() * self.tail
             h = min(h, by_accuracy, 5 / fastest if fastest > 0 else math.inf)
-        return sum(_steps(float(gap), h) for gap in np.diff(frame_times(scene)))
+        return sum(_steps(float(gap), h) for gap in np.diff(self.times))
 
     def error_share(self) -> float:
         return 0.3 * math.exp(-0.3 * self.amplification()) if self.scene.operator == FOLLOW_LEADER else 0.15
@@ -270,7 +277,7 @@ class Rules:
 
     def _bounds(self, stepping: str, time_step: float | None, deposit: str | None, drift_diffusion: str) -> dict[str, float]:
         scene, model = self.scene, self.scene.model
-        gaps = np.diff(frame_times(scene))
+        gaps = np.diff(self.times)
         longest = float(gaps.max()) if time_step is None else min(float(gaps.max()), time_step)
         # A Gaussian of variance θ has the spectrum exp(-θq²/2). The linear step moves waves exp(ikx) by τ before noise damps them
         # (linear.py), which shifts their spectrum by kτ.
@@ -285,7 +292,7 @@ class Rules:
             if drift_diffusion != "kernel" or (stepping == "extrapolated" and scene.operator == FOLLOW_LEADER):
                 name = "finite-volume-8" if drift_diffusion == "kernel" else drift_diffusion
                 coefficient, order = FINITE_VOLUME_ERROR[name]
-                coefficient *= self._tail_weight()
+                coefficient *= self.tail_weight()
                 bounds[f"the finite volumes' error of order {order}"] = math.sqrt(model.noise) * (self.rtol / coefficient) ** (
                     1 / order
                 )
@@ -300,8 +307,8 @@ class Rules:
             elif stepping == "strang":
                 # Finite volumes of order 8 take over where dv is too coarse for the kernel: no need to be finer than they ask.
                 coefficient, order = FINITE_VOLUME_ERROR["finite-volume-8"]
-                enough = math.sqrt(model.noise) * (self.rtol / (coefficient * self._tail_weight())) ** (1 / order)
-                kernel = resolved_spacing(model, _shortest_step(scene, float(time_step or gaps.min())))
+                enough = math.sqrt(model.noise) * (self.rtol / (coefficient * self.tail_weight())) ** (1 / order)
+                kernel = resolved_spacing(model, _shortest_step(self.times, float(time_step or gaps.min())))
                 bounds["the Ornstein-Uhlenbeck kernel of one step"] = max(kernel, enough)
         if deposit is not None:
             coefficient, order = DEPOSIT_ERROR[deposit]
@@ -312,7 +319,8 @@ class Rules:
             ) ** (1 / order)
         return bounds
 
-    def _tail_weight(self) -> float:
+    def tail_weight(self) -> float:
+        """By how much the finite volumes' error grows with what (6) amplifies."""
         r = self.amplification() if self.scene.operator == FOLLOW_LEADER else 1.0
         # Beyond R_t = 4 errors of order 8 were seen to grow as exp(1.5 R_t): the amplified tail is where f/M bends most.
         return (1 + r**2 + r**3) * math.exp(1.5 * max(0.0, r - 4.0))
@@ -357,7 +365,7 @@ class Rules:
             amplitude = np.maximum(amplitude, (weighted / weighted.max())[: amplitude.size])
         n = np.flatnonzero(amplitude > self.rtol / 10)
         digits = np.log(10 * amplitude[n] / self.rtol)
-        if self.scene.operator == FOLLOW_LEADER and self.scene.model.friction * self.scene.model.noise == 0:
+        if self.scene.operator == FOLLOW_LEADER and self.shifted():
             # Without a kernel's positivity what is not resolved spreads over all v, and (6) amplifies it in the slow tail.
             digits = digits + self.amplification() * self.tail
         return 2 * math.pi / self.scene.pipe.length * n, digits
@@ -434,7 +442,7 @@ class Rules:
                 f"(products with a jump converge slowly in x); allowed: {LEAST_RTOL_OF_A_STEP:g} or more, smooth modes, or "
                 "a given grid.nx"
             )
-        first = transition(self.scene.model, float(frame_times(self.scene)[1]))
+        first = transition(self.scene.model, float(self.times[1]))
         theta = float(self.theta.min())
         variance = theta * first.decay**2 + first.velocity_variance
         covariance = theta * first.drift_time * first.decay + first.covariance
@@ -444,7 +452,7 @@ class Rules:
         if alive[-1] and self.scene.grid.nx is None:
             raise SceneError(
                 f"initial.step: at rtol = {self.rtol:g} a jump needs more than {MOST_MODES} modes at the first frame, "
-                f"t = {float(frame_times(self.scene)[1]):g}; allowed: a later one (run.output_every), a larger accuracy.rtol, or "
+                f"t = {float(self.times[1]):g}; allowed: a later one (run.output_every), a larger accuracy.rtol, or "
                 "a given grid.nx"
             )
         return int(np.flatnonzero(alive)[-1]) + 1 if alive.any() else 1
@@ -482,10 +490,10 @@ class Rules:
             or model.friction * model.noise == 0
         ):
             return
-        h = _shortest_step(self.scene, time_step)
+        h = _shortest_step(self.times, time_step)
         resolved = resolved_spacing(model, h)
         coefficient, order = FINITE_VOLUME_ERROR["finite-volume-8"]
-        error = coefficient * self._tail_weight() * (grid.dv / math.sqrt(model.noise)) ** order
+        error = coefficient * self.tail_weight() * (grid.dv / math.sqrt(model.noise)) ** order
         if grid.dv > resolved and error > self.rtol:
             enough = math.ceil((grid.high - grid.low) / resolved)
             warnings.warn(
@@ -500,9 +508,9 @@ def _steps(interval: float, time_step: float) -> int:
     return max(1, math.ceil(interval / time_step * (1 - 1e-12)))
 
 
-def _shortest_step(scene: Scene, time_step: float) -> float:
+def _shortest_step(times: Array, time_step: float) -> float:
     """The shortest step that fills some interval between frames."""
-    return min(float(gap) / _steps(float(gap), time_step) for gap in np.diff(frame_times(scene)))
+    return min(float(gap) / _steps(float(gap), time_step) for gap in np.diff(times))
 
 
 def _at_density(scene: Scene, density: float) -> Scene:

@@ -124,11 +124,14 @@ class Controlled:
         tolerance: Callable[[Array], float],
         longest: float = math.inf,
         fixed: float | None = None,
+        limited: Callable[[float], None] | None = None,
     ) -> None:
         self.method = method
         self.tolerance = tolerance
         self.longest = longest
         self.fixed = fixed
+        self.limited = limited or _warn_of_the_grid
+        """Told the length of the steps below which the grid, not the step, limits the accuracy; may raise."""
         self.error = 0.0
         self.steps = 0
         self.rejected = 0
@@ -168,11 +171,7 @@ class Controlled:
                 continue
             if excess > self._limit:
                 self._limit = 4 * failed  # the longer step was as good
-                warnings.warn(
-                    f"steps shorter than {2 * h:.2g} no longer help: the grid limits the accuracy; widen grid.velocity_window or "
-                    "raise grid.nv",
-                    stacklevel=2,
-                )
+                self.limited(2 * h)
             failed = math.inf
             f, place, self._length = new, place + units, h
             self._accept(error, h)
@@ -196,6 +195,14 @@ class Controlled:
         self.error += error
         self.shortest = min(self.shortest, h)
         self.steps += 1
+
+
+def _warn_of_the_grid(step: float) -> None:
+    warnings.warn(
+        f"steps shorter than {step:.2g} no longer help: the grid limits the accuracy; widen grid.velocity_window or raise "
+        "grid.nv",
+        stacklevel=4,
+    )
 
 
 class ExactStep(Protocol):
@@ -277,6 +284,16 @@ class ExactSteps:
                 f = self._f_at(self._time)
             observer(f, (n + 1) * h)
         return f
+
+    @property
+    def chained(self) -> bool:
+        """True once the chain has a link after its first."""
+        return len(self._links) > 1
+
+    def carry_over(self, step: ExactStep, convert: Callable[[Array], Array]) -> None:
+        """Go on with another step, the chain's states being `convert` of what they were: on another grid."""
+        self._links = [(time, step.lift(convert(self.step.lower(lifted)))) for time, lifted in self._links]
+        self.step = step
 
     def _far_enough(self, time: float, since: float) -> bool:
         return time - since >= self.shortest * (1 - 1e-9)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from kinetic_solver.arrays import Array
 
 POINTS = {"linear": 2, "cubic": 4, "quintic": 6}
+"""Of each deposit's stencil: the order of its error in dv."""
 
 
 class Inelastic:
@@ -30,6 +31,7 @@ class Inelastic:
         self.velocity = velocity
         self.cross_section = cross_section
         self.restitution = restitution
+        self.deposit = deposit
         self.dv = float(velocity[1] - velocity[0])
         self._linear_first, self._linear_weights = _stencils(velocity.size, restitution, 2)
         self._first, self._weights = _stencils(velocity.size, restitution, POINTS[deposit])
@@ -52,6 +54,11 @@ class Inelastic:
             out[:, 1:-1] -= 2 * square
             out[:, 2:] += square
         return out
+
+    def on(self, nv: int) -> Inelastic:
+        """The same operator on nv points in the same window."""
+        low, width = self.velocity[0] - self.dv / 2, self.dv * self.velocity.size
+        return Inelastic(low + width / nv * (np.arange(nv) + 0.5), self.cross_section, self.restitution, self.deposit)
 
     def collision_frequency_max(self, f: Array) -> float:
         """The largest S∫f'|v - v'|dv' over x and v: it is convex in v, so it lies at an edge of the window."""
