@@ -14,6 +14,8 @@ from kinetic_solver.velocity.ornstein_uhlenbeck import transition
 
 UNRESOLVED = 0.5
 """dv²|∂²f/∂v²|/max f at which a peak counts as unresolved: a Gaussian whose standard deviation is 1.4 dv."""
+SHARE = 0.3
+"""Of rtol, to each of the losses that a larger grid would mend: they add up."""
 
 
 class SolverStopped(RuntimeError):
@@ -31,8 +33,8 @@ class Unresolved(SolverStopped):
 class Monitor:
     """Diagnostics of f, each relative to max f, and the decision that the grid no longer holds it.
 
-    What rtol bounds raises Unresolved where the grid was chosen for it; where [grid] gives the offending quantity it
-    is warned of once, since what is given is kept. NaN, and peaks narrower than UNRESOLVED, always raise.
+    What exceeds `share` of rtol raises Unresolved where the grid was chosen for it; where [grid] gives the offending quantity,
+    what exceeds rtol is warned of once, since what is given is kept. NaN, and peaks narrower than UNRESOLVED, always raise.
     Times are the frame's clock; messages give the scene's.
     """
 
@@ -40,6 +42,7 @@ class Monitor:
         self.plan = plan
         """May be exchanged for one of another grid."""
         self.rtol = plan.inner.accuracy.rtol
+        self.share = SHARE
         self._warned: dict[str, float] = {}
         self._amplify = plan.inner.operator == FOLLOW_LEADER
         # Until noise has smoothed a step in the density, waves in x are as short as the grid can hold, by definition.
@@ -101,7 +104,7 @@ class Monitor:
         return values
 
     def _bound(self, what: str, value: float, given: bool, time: float, message: str) -> None:
-        if value <= self.rtol:
+        if value <= (1.0 if given else self.share) * self.rtol:
             return
         text = f"{self._when(time)}: {message} (accuracy.rtol = {self.rtol:g})"
         if not given:
@@ -115,18 +118,27 @@ class Monitor:
         return f"t = {self.plan.frame.place(time).time:.6g}"
 
     def amplified(self, f: Array, time: float) -> Array:
-        """max|f| over x at every velocity, times what operator (6) can still make of it in the time t that is left:
-        exp(R w - R²θ/2), w = u - v, R = Sρ(1 - e^(-γt))/γ. Shape (nv,)."""
-        size = np.abs(f)
+        """max|f| over x at every velocity, times what operator (6) can still make of it. Shape (nv,)."""
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            size = np.exp(np.log(np.abs(f)) + self._exponents(f, time))
+        return np.asarray(np.nan_to_num(size, nan=0.0, posinf=np.inf).max(axis=0))
+
+    def waves(self, f: Array, time: float) -> Array:
+        """The largest amplitude of every wave in x, likewise amplified, over the largest of all. Shape (nx//2 + 1,)."""
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            size = np.exp(np.log(np.abs(np.fft.rfft(f, axis=0))) + self._exponents(f, time).max(axis=0))
+        size = np.nan_to_num(size, nan=0.0, posinf=np.inf).max(axis=1)
+        return np.asarray(size / size.max())
+
+    def _exponents(self, f: Array, time: float) -> Array:
+        """R w - R²θ/2 where positive, w = u - v, R = Sρ(1 - e^(-γt))/γ, t the time that is left; (nx, nv) or (1, 1)."""
         if not self._amplify:
-            return np.asarray(size.max(axis=0))
+            return np.zeros((1, 1))
         m = moments(self.plan.grid, f)
         left = max(0.0, self.plan.inner.run.end_time - time)
         gain = self.plan.inner.cross_section * m.density * transition(self.plan.inner.model, left).drift_time
         exponent = gain[:, None] * (m.mean_velocity[:, None] - self.plan.grid.v) - (gain**2 * m.temperature / 2)[:, None]
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            size = np.exp(np.log(size) + np.maximum(exponent, 0.0))
-        return np.asarray(np.nan_to_num(size, nan=0.0, posinf=np.inf).max(axis=0))
+        return np.maximum(exponent, 0.0)
 
     def _spectral_tail(self, f: Array) -> float:
         """The largest |f_k(v)| in the highest eighth of wavenumbers over the largest of all; 0 where modes do not couple."""

@@ -55,8 +55,8 @@ class Rules:
         self.times = frame_times(scene) if times is None else times
         """When anything is written, by the clock of the scene's frame of reference."""
         self.rtol = scene.accuracy.rtol
-        self.tail = math.sqrt(2 * math.log(10 / self.rtol))
-        """Standard deviations at which a Gaussian is rtol/10 of its maximum."""
+        self.tail = math.sqrt(2 * math.log(40 / self.rtol))
+        """Standard deviations at which a Gaussian is rtol/40 of its maximum; a cell further in, a few times more."""
         self.u0, self.theta0 = start_state(scene)
         x = scene.pipe.length * np.arange(4096) / 4096
         self.rho = initial.density(scene, x)
@@ -247,6 +247,10 @@ class Rules:
             return longest
         return min(longest, -math.log1p(-spread) / (2 * gamma) * (2 if self.local_gauge() else 1))
 
+    def exact_step_spacing(self, h: float) -> float:
+        """The largest dv that resolves the kernels of an exact step h."""
+        return resolved_spacing(self.scene.model, h / 2 if self.local_gauge() else h, resolution(self.rtol))
+
     def collision_rate(self) -> float:
         """Sρ√θ at the largest density and temperature."""
         return self.scene.cross_section * self.rho_max * math.sqrt(self.theta_max)
@@ -301,9 +305,7 @@ class Rules:
                     bounds["the Ornstein-Uhlenbeck kernel of the steps to expect"] = resolved_spacing(model, shortest)
             elif stepping == "exact":
                 h = min(self.farthest_exact_step(), time_step or math.inf)
-                bounds["the Ornstein-Uhlenbeck kernel of one step"] = resolved_spacing(
-                    model, h / 2 if self.local_gauge() else h, resolution(self.rtol)
-                )
+                bounds["the Ornstein-Uhlenbeck kernel of one step"] = self.exact_step_spacing(h)
             elif stepping == "strang":
                 # Finite volumes of order 8 take over where dv is too coarse for the kernel: no need to be finer than they ask.
                 coefficient, order = FINITE_VOLUME_ERROR["finite-volume-8"]
@@ -415,17 +417,14 @@ class Rules:
         reason = f"{n} modes of the initial state"
         if self.scene.operator is not None:
             if self.scene.operator == FOLLOW_LEADER:
-                # Collisions steepen density fronts to tanh profiles of width 2/(S Δρ), whose spectrum falls as exp(-πk/(SΔρ)).
-                contrast = self.scene.cross_section * float(self.rho.max() - self.rho.min())
-                more = contrast * math.log(10 / self.rtol) / math.pi * self.scene.pipe.length / (2 * math.pi)
+                more = self._front_modes(self.rho)
                 why = "the fronts that collisions can make"
             else:
                 # Temperature and velocity follow the density: functions such as 1/ρ, with harmonics of their own.
                 follows = np.abs(np.fft.rfft(1 / (self.rho + 0.02 * self.rho_max)))
                 more = 0.0 if self.scene.initial.step else float(np.flatnonzero(follows > self.rtol / 10 * follows.max())[-1])
                 why = "the harmonics in fields that follow the density"
-            # The highest eighth stays empty: the monitor watches it. So does the part that the local gauge damps.
-            n = math.ceil((1.25 if self.local_gauge() else 8 / 7) * (2 * n + more + 4))
+            n = self._with_room(2 * n + more)
             reason += f", their products, and {math.ceil(more)} for {why}"
         self.reasons["nx"] = reason
         if n > MOST_MODES:
@@ -433,6 +432,22 @@ class Rules:
                 f"grid.nx: {n} modes would be needed; allowed: {MOST_MODES}; raise accuracy.rtol or shorten pipe.length"
             )
         return fast_odd(2 * n + 1)
+
+    def _front_modes(self, density: Array) -> float:
+        """Of the fronts that (6) can make of a density: tanh profiles of width 2/(S Δρ), whose spectrum falls as exp(-πk/(SΔρ))."""
+        contrast = self.scene.cross_section * float(np.ptp(density))
+        return contrast * math.log(10 / self.rtol) / math.pi * self.scene.pipe.length / (2 * math.pi)
+
+    def _with_room(self, modes: float) -> int:
+        """The highest eighth stays empty: the monitor watches it. So does the part that the local gauge damps."""
+        return math.ceil((1.25 if self.local_gauge() else 8 / 7) * (modes + 4))
+
+    def enough_points(self, modes: int, density: Array) -> int:
+        """nx for the rest of a run, from the waves that f has now and its density."""
+        if self.scene.operator is None:
+            return fast_odd(2 * modes + 1)
+        more = self._front_modes(density) if self.scene.operator == FOLLOW_LEADER else 0.0
+        return fast_odd(2 * self._with_room(2 * modes + more) + 1)
 
     def step_modes(self) -> int:
         """Modes of a density step that noise has not damped to rtol/10 by the first frame after the start."""

@@ -141,7 +141,13 @@ class Run:
         """All frames."""
         plan = self.plan
         try:
-            self._diagnostics = self._monitor.check(self._f, 0.0)
+            while True:
+                try:
+                    self._diagnostics = self._monitor.check(self._f, 0.0)
+                    break
+                except Unresolved as problem:
+                    self._good = (0.0, self._state, self._ledger.mark() if self._ledger is not None else None)
+                    self._enlarge(problem)
         except SolverStopped as stop:
             raise SceneError(str(stop)) from None
         # The start is known on the output's grid. A step in the density is shown as it is, not as the solver can carry it.
@@ -191,7 +197,7 @@ class Run:
             self._diagnostics = self._monitor.check(self._f, end, self._density_defect())
             return end
         except _Smaller as smaller:
-            self._change(smaller.grid, carried=True)
+            self._change(dataclasses.replace(self.plan, grid=smaller.grid), carried=True)
         except Unresolved as problem:
             self._enlarge(problem)
         except (StepTooSmall, LostAccuracy) as error:
@@ -269,10 +275,15 @@ class Run:
 
     def _enlarge(self, problem: Unresolved) -> None:
         """Go back to the last good state with a larger grid, or stop where there is none to be had."""
-        grid, tried = self.plan.grid, self._tried.setdefault(problem.what, [])
-        hopeless = len(tried) >= 3 and problem.value > 0.5 * tried[-3]
+        plan, tried = self.plan, self._tried.setdefault(problem.what, [])
+        grid, first = plan.grid, self._first.grid
+        hopeless = len(tried) >= 4 and problem.value > 0.5 * min(tried[:-3])
         tried.append(problem.value)
-        if problem.what == "nx":
+        if problem.what == "nx" and self._exact and plan.shortest_step > 0 and self._free("nv") and len(tried) % 2:
+            # Within a step are states that friction has not yet acted on, with steeper waves than any that is seen.
+            plan = self._with_shorter_steps()
+            grid = plan.grid
+        elif problem.what == "nx":
             grid = dataclasses.replace(grid, nx=fast_odd(math.ceil(FINER * grid.nx)))
         elif problem.what == "nv":
             grid = dataclasses.replace(grid, nv=math.ceil(FINER * grid.nv))
@@ -280,15 +291,26 @@ class Run:
             more = WIDER * (grid.high - grid.low)
             low, high = (more, 0.0) if problem.what == "low" else (0.0, more)
             grid = window_in_cells(grid, grid.low - low, grid.high + high)
-        first = self._first.grid
         if hopeless or not self._free(problem.what) or grid.nx * grid.nv > MOST_GROWTH * first.nx * first.nv:
+            if problem.value <= plan.inner.accuracy.rtol and self._monitor.share < 1:
+                self._monitor.share = 1.0  # a larger grid is not to be had, and this one will do
+                self._change(plan, carried=False)
+                return
             times = sum(map(len, self._tried.values())) - 1
             raise SolverStopped(f"{problem}" + (f" (refining the grid {times} times did not help)" if times else "")) from None
-        self._change(grid, carried=False)
+        self._change(dataclasses.replace(plan, grid=grid), carried=False)
 
-    def _change(self, grid: PhaseSpaceGrid, carried: bool) -> None:
-        """Go on from the last good state on `grid`. Exact steps that are not carried over start again from time 0."""
-        old, plan = self.plan, dataclasses.replace(self.plan, grid=grid)
+    def _with_shorter_steps(self) -> Plan:
+        """Exact steps of two thirds of the length, on points dense enough for their kernel."""
+        rules = Rules(self.plan.inner, {}, self.plan.times)
+        step = (self.plan.time_step or self.plan.inner.run.end_time) / FINER
+        grid = self.plan.grid
+        nv = max(grid.nv, math.ceil((grid.high - grid.low) / rules.exact_step_spacing(step)))
+        return dataclasses.replace(self.plan, time_step=step, grid=dataclasses.replace(grid, nv=nv))
+
+    def _change(self, plan: Plan, carried: bool) -> None:
+        """Go on from the last good state by another plan. Exact steps that are not carried over start again from time 0."""
+        old, grid = self.plan, plan.grid
         if plan.shortest_step > 0 and grid.dv != old.grid.dv:
             shortest = Rules(plan.inner, {}, plan.times).shortest_exact_step(grid)
             plan = dataclasses.replace(plan, shortest_step=shortest)
@@ -317,21 +339,21 @@ class Run:
         self._f = self._representation.points(self._state)
 
     def _smaller(self) -> PhaseSpaceGrid | None:
-        """A grid that would still hold f, where it is worth going over to it."""
+        """A grid that would still hold f, where it is worth going over to it. What was once too small is not made smaller."""
         plan, grid, rtol, f = self.plan, self.plan.grid, self.plan.inner.accuracy.rtol, self._f
         if (plan.times[-1] - self._now) / self._step < LEFT:
             return None
         new = grid
-        if self._free("nx"):
-            amplitude = np.abs(np.fft.rfft(f, axis=0)).max(axis=1)
-            waves = int(np.flatnonzero(amplitude > rtol / 100 * amplitude.max())[-1])
-            new = dataclasses.replace(new, nx=min(grid.nx, fast_odd(2 * math.ceil(1.5 * waves + 4) + 1)))
-        if self._free("low"):
+        if self._free("nx") and "nx" not in self._tried:
+            waves = int(np.flatnonzero(self._monitor.waves(f, self._now) > rtol / 100)[-1])
+            rules = Rules(plan.inner, {}, plan.times)
+            new = dataclasses.replace(new, nx=min(grid.nx, rules.enough_points(waves, f.sum(axis=1) * grid.dv)))
+        if self._free("low") and not self._tried.keys() & {"low", "high"}:
             held = np.flatnonzero(self._monitor.amplified(f, self._now) > rtol / 300 * f.max())
             margin = math.ceil(0.05 * grid.nv)
             first, last = max(0, held[0] - margin), min(grid.nv, held[-1] + 1 + margin)
             new = dataclasses.replace(new, nv=last - first, low=grid.faces[first], high=grid.faces[last])
-        if self._free("nv") and not self._exact:
+        if self._free("nv") and not self._exact and "nv" not in self._tried:
             nv = self._estimate.enough_velocities(f, self._now, self._operator)
             new = dataclasses.replace(new, nv=min(new.nv, max(16, math.ceil(new.nv * nv / grid.nv))))
         return new if WORTH_SHRINKING * new.nx * new.nv <= grid.nx * grid.nv else None

@@ -28,6 +28,7 @@ from kinetic_solver.arrays import Array
 from kinetic_solver.fourier import RealTransform, derivative, integral_spectrum
 from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.linear import LinearStep
+from kinetic_solver.linearised.ratio import GaugeRatio
 from kinetic_solver.scene import Model
 from kinetic_solver.stepping import LostAccuracy
 from kinetic_solver.transport import resolved_waves, shift_phases
@@ -72,7 +73,7 @@ class GridLinearisedStep:
         self._transform = RealTransform(grid.nx, grid.nv)
         self._shifts: OrderedDict[float, _LocalTables] = OrderedDict()
         self._keep = resolved_waves(grid)
-        self._derivative = derivative(np.eye(grid.nx), grid.wavenumbers)
+        self._ratio = GaugeRatio(grid, cross_section)
 
     def __call__(self, f: Array, h: float) -> Array:
         return self.lower(self.propagate(self.lift(f), h))
@@ -135,8 +136,7 @@ class GridLinearisedStep:
         exponent *= s
         moved *= np.exp(exponent, out=exponent)
         n = moved.sum(axis=1) * grid.dv
-        # η = E'/E: η_x + Sρ η = S n, periodic. The matrix's symmetric part is Sρ > 0.
-        eta = np.linalg.solve(self._derivative + np.diag(s * density), s * n)
+        eta = self._ratio(density, n)
         new = density + derivative(np.log(eta), grid.wavenumbers) / s
         return self._with_density(moved, n, eta, np.fft.irfft(np.fft.rfft(new) * self._keep, n=grid.nx))
 

@@ -85,6 +85,30 @@ def test_standing_scene(
     assert error(scene, step, advance(step, f, 2.0, steps), 2.0) < allowed
 
 
+@pytest.mark.parametrize(
+    ("number", "length", "wave", "nx", "nv", "window", "h", "allowed"),
+    [
+        (5.0, 25.0, 0.9, 875, 96, (-19.0, 6.0), 0.42, 3e-13),  # the matrix of ratio.py was off by 1e-9
+        (2.0, 1000.0, 0.5, 4375, 64, (-12.0, 7.0), 1.0, 3e-13),  # a dense solve of nx³ would take ten seconds
+        (2.0, 200.0, 1 - 1e-10, 1701, 64, (-12.0, 7.0), 1.0, 1e-12),  # nearly a void
+    ],
+)
+def test_small_ratios_and_long_pipes(
+    standing_scene: MakeScene,
+    number: float,
+    length: float,
+    wave: float,
+    nx: int,
+    nv: int,
+    window: tuple[float, float],
+    h: float,
+    allowed: float,
+) -> None:
+    scene = standing_scene(number, pipe={"length": length}, initial={"modes": [{"mode": 1, "cos": wave}]})
+    step, f = start(scene, nx, nv, window, LOCAL)
+    assert error(scene, step, step(f, h), h) < allowed
+
+
 @GAUGES
 def test_unequal_parameters(make_scene: MakeScene, tolerance: float) -> None:
     """One step, three equal ones, unequal ones, and those without a look at f between are the same: the closed form."""

@@ -1,0 +1,200 @@
+"""What an accuracy costs: error and seconds over rtol from 1e-2 to 1e-10, beside grids chosen by hand.
+
+Standing scenes: ρ0 = 1 + 0.5 cos kx + 0.2 sin 3kx on L = 8π, g = γ = σ = 1, t = 2, from the homogeneous state's (u, θ): with
+operator (6) at R* = 0.3, 2, 5; with operator (12) at ε = 0.5, R* = 1 (to rtol = 1e-8); without collisions; and a homogeneous flow
+that relaxes under (12) from u0 = 2, θ0 = 2. Beside them the usual way: n × n points for n = 32, 64, 128, 256, n/2 steps of
+Strang's splitting, finite volumes of order 2 in v, a linear deposit for (12), on the window that rtol = 1e-4 would choose.
+The error is the largest of those that rtol is about (docs/accuracy.md), of f, density, mean velocity and temperature at the end,
+against the closed form; with (12) against one run on a finer grid than that of the least rtol, at a thirtieth of it.
+Seconds are those of `solve` after compilation, one core, the best of three. Prints a markdown table, writes docs/accuracy.png,
+and fails where an error exceeds its rtol.
+"""
+
+from __future__ import annotations
+
+import os
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+os.environ.setdefault("NUMBA_NUM_THREADS", "1")
+
+import math
+import sys
+import time
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from matplotlib.figure import Figure
+
+from benchmarks.random_scenes import against_exact, at_points_of, finer_grid, worst_frame
+from kinetic_solver import Scene, SolverStopped, solve
+from kinetic_solver.plan import make_plan
+from kinetic_solver.scene import SceneError
+
+TOLERANCES = tuple(10.0**-n for n in range(2, 11))
+SIZES = (32, 64, 128, 256)
+PATIENCE = 10.0
+"""Seconds after which a run is not repeated for its time's sake."""
+PICTURE = Path("docs/accuracy.png")
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A scene for every rtol and [grid]."""
+
+    name: str
+    collisions: dict[str, Any] | None
+    finest: float = 1e-10
+    """The least rtol that is tried."""
+    homogeneous: bool = False
+
+    def scene(self, rtol: float, grid: dict[str, Any] | None = None) -> Scene:
+        start: dict[str, Any] = {"modes": [{"mode": 1, "cos": 0.5}, {"mode": 3, "sin": 0.2}]}
+        if self.homogeneous:
+            start = {"mean_velocity": 2.0, "temperature": 2.0}
+        return Scene.model_validate(
+            {
+                "model": {"gravity": 1.0, "friction": 1.0, "noise": 1.0},
+                "collisions": self.collisions,
+                "pipe": {"length": 8 * math.pi},
+                "initial": start,
+                "run": {"end_time": 2.0},
+                "accuracy": {"rtol": rtol},
+                "output": {"budgets": False, "scalars": False},
+                "grid": grid or {},
+            }
+        )
+
+    def by_hand(self, n: int) -> Scene:
+        """n × n points and n/2 steps."""
+        plan = make_plan(self.scene(1e-4))
+        grid: dict[str, Any] = {
+            "nx": 1 if self.homogeneous else n,
+            "nv": n,
+            "velocity_window": (plan.grid.low, plan.grid.high),
+            "drift_diffusion": "finite-volume",
+        }
+        if self.collisions is not None:
+            grid |= {"stepping": "strang", "time_step": 4.0 / n}
+        if self.inelastic:
+            grid["deposit"] = "linear"
+        return self.scene(1e-4, grid)
+
+    @property
+    def inelastic(self) -> bool:
+        return self.collisions is not None and self.collisions["operator"] == "inelastic"
+
+    def error(self) -> Callable[[Scene, xr.Dataset], float]:
+        """(scene, run) → the largest of the errors."""
+        if not self.inelastic:
+            return lambda scene, run: max(against_exact(scene, run).values()) * scene.accuracy.rtol
+        best = self.scene(self.finest)
+        truth = solve(self.scene(self.finest / 30, finer_grid(solve(best))))
+
+        def against_truth(scene: Scene, run: xr.Dataset) -> float:
+            return max(worst_frame(run, at_points_of(run, truth, scene.pipe.length), 1.0).values())
+
+        return against_truth
+
+
+def follow(number: float) -> dict[str, Any]:
+    return {"operator": "follow-the-leader", "cross_section": number}
+
+
+INELASTIC = {"operator": "inelastic", "cross_section": 1.0, "restitution": 0.5}
+PROBLEMS = (
+    Problem("(6), R* = 0.3", follow(0.3)),
+    Problem("(6), R* = 2", follow(2.0)),
+    Problem("(6), R* = 5", follow(5.0)),
+    Problem("(12), ε = 0.5, R* = 1", INELASTIC, finest=1e-8),
+    Problem("no collisions", None),
+    Problem("(12), ε = 0.5, R* = 1, homogeneous", INELASTIC, homogeneous=True),
+)
+
+
+@dataclass(frozen=True)
+class Point:
+    problem: str
+    rtol: float | None
+    """None for a grid chosen by hand."""
+    size: str
+    seconds: float
+    error: float
+
+
+def measure(problem: Problem, scene: Scene, rtol: float | None, error: Callable[[Scene, xr.Dataset], float]) -> Point:
+    """The best of three runs, of fewer where they are long. What must be compiled has been."""
+    seconds, spent = math.inf, 0.0
+    for _ in range(4):
+        began = time.perf_counter()
+        run = solve(scene)
+        seconds = min(seconds, time.perf_counter() - began)
+        spent += time.perf_counter() - began
+        if spent > PATIENCE:
+            break
+    return Point(problem.name, rtol, f"{run.sizes['x']} × {run.sizes['v']}", seconds, error(scene, run))
+
+
+def of_problem(problem: Problem) -> list[Point]:
+    """Prints its rows as they come."""
+    solve(problem.scene(1e-2))  # compiles
+    solve(problem.by_hand(SIZES[1]))
+    error = problem.error()
+    points = []
+    subjects: list[tuple[Scene, float | None, str]] = [
+        (problem.scene(rtol), rtol, f"rtol = {rtol:.0e}") for rtol in TOLERANCES if rtol >= 0.99 * problem.finest
+    ]
+    subjects += [(problem.by_hand(n), None, f"by hand, {n // 2} steps") for n in SIZES]
+    for scene, rtol, label in subjects:
+        try:
+            point = measure(problem, scene, rtol, error)
+        except (SolverStopped, SceneError) as stop:
+            print(f"| {problem.name} | {label} | – | – | – | {stop} |", flush=True)
+            continue
+        points.append(point)
+        ratio = f"{point.error / rtol:.2g}" if rtol is not None else ""
+        print(f"| {problem.name} | {label} | {point.size} | {point.seconds:.3g} | {point.error:.1e} | {ratio} |", flush=True)
+    return points
+
+
+def draw(points: list[Point]) -> None:
+    """Left: error against seconds, rtol's points joined, grids by hand as crosses. Right: error/rtol, which should be below 1."""
+    figure = Figure(figsize=(13, 5.5), layout="constrained")
+    cost, kept = figure.subplots(1, 2)
+    for n, problem in enumerate(PROBLEMS):
+        here = [p for p in points if p.problem == problem.name]
+        chosen, by_hand = [p for p in here if p.rtol is not None], [p for p in here if p.rtol is None]
+        colour = f"C{n}"
+        cost.plot([p.seconds for p in chosen], [p.error for p in chosen], "o-", ms=4, color=colour, label=problem.name)
+        cost.plot([p.seconds for p in by_hand], [p.error for p in by_hand], "x", ms=7, mew=1.8, color=colour)
+        kept.plot([p.rtol for p in chosen], [p.error / p.rtol for p in chosen if p.rtol], "o-", ms=4, color=colour)
+    cost.plot([], [], "kx", ms=7, mew=1.8, label="n × n points, Strang, finite volumes")
+    cost.set(
+        xscale="log", yscale="log", xlabel="seconds, one core", ylabel="error", title="from rtol (joined), and grids by hand"
+    )
+    cost.legend(fontsize=9)
+    kept.axhline(1, color="k", lw=1.2)
+    kept.set(xscale="log", yscale="log", xlabel="rtol", ylabel="error/rtol", title="what rtol asked for, and what came")
+    kept.invert_xaxis()
+    for axes in (cost, kept):
+        axes.grid(alpha=0.3)
+    figure.savefig(PICTURE, dpi=110)
+
+
+def main() -> int:
+    warnings.simplefilter("ignore")
+    np.seterr(all="ignore")
+    print("| scene | grid | nx × nv | s | error | error/rtol |\n|---|---|---|---|---|---|")
+    points = [point for problem in PROBLEMS for point in of_problem(problem)]
+    draw(points)
+    exceeded = [p for p in points if p.rtol is not None and not p.error <= p.rtol]
+    print(f"\nwrote {PICTURE}; {len(exceeded)} of {sum(p.rtol is not None for p in points)} errors exceed their rtol")
+    return int(bool(exceeded))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
