@@ -46,8 +46,8 @@ class ErrorEstimate:
             self._of_steps = rules.strang_coefficient() * (rules.rate() * plan.time_step) ** 2
         self._finite_volumes = 0.0
         if plan.velocity != "hermite" and plan.drift_diffusion != "kernel":
-            coefficient, order = FINITE_VOLUME_ERROR[plan.drift_diffusion]
-            self._finite_volumes = coefficient * rules.tail_weight() / math.sqrt(plan.inner.model.noise) ** order
+            order = FINITE_VOLUME_ERROR[plan.drift_diffusion][1]
+            self._finite_volumes = plan.inner.accuracy.rtol / rules.finite_volume_spacing(plan.drift_diffusion) ** order
         self._parts = dict.fromkeys(PARTS, 0.0)
 
     def step(self, error: float, length: float, f: Array) -> None:

@@ -32,6 +32,8 @@ from kinetic_solver.scene import INELASTIC, Model, Modes, Scene, SceneError
 if TYPE_CHECKING:
     import xarray as xr
 
+MANY = 5000
+"""Terms of a mixture from which only those near a velocity are summed."""
 SIGMAS = 10.0
 """Starting points further than this many standard deviations from the weights' bulk are left out: exp(-50) = 2e-22."""
 
@@ -140,8 +142,7 @@ class Solution:
             if noiseless:
                 f[i] = self._along_characteristics(x[i], v, w.log_scale)
             else:
-                distance = v[:, None] - w.mean[None, :]
-                f[i] = np.exp(-(distance**2) / (2 * w.variance)) @ (w.weight / np.sqrt(2 * np.pi * w.variance))
+                f[i] = w.mixture(v)
         return f
 
     def moments(self, x: ArrayLike) -> tuple[Array, Array, Array, Array]:
@@ -249,6 +250,18 @@ class _Weights:
     mean: Array
     variance: Array
     log_scale: float
+
+    def mixture(self, v: Array) -> Array:
+        """Σ weight N(v; mean, variance) at every v; where that is many narrow terms, those within SIGMAS of v."""
+        height = self.weight / np.sqrt(2 * np.pi * self.variance)
+        if self.mean.size < MANY:
+            distance = v[:, None] - self.mean[None, :]
+            return np.asarray(np.exp(-(distance**2) / (2 * self.variance)) @ height)
+        order = np.argsort(self.mean, kind="stable")
+        mean, variance, height = self.mean[order], self.variance[order], height[order]
+        reach = SIGMAS * math.sqrt(float(variance.max()))
+        near = zip(np.searchsorted(mean, v - reach).tolist(), np.searchsorted(mean, v + reach).tolist(), v.tolist(), strict=True)
+        return np.array([np.exp(-((u - mean[a:b]) ** 2) / (2 * variance[a:b])) @ height[a:b] for a, b, u in near])
 
 
 def _derivative(modes: Modes, y: Array, length: float) -> Array:

@@ -175,7 +175,23 @@ class Rules:
         model, given = self.scene.model, self.scene.grid.drift_diffusion
         if model.friction * model.noise == 0 and given not in (None, "kernel"):
             raise SceneError(f"grid.drift_diffusion = {given!r}: needs friction > 0 and noise > 0; allowed here: 'kernel'")
+        if given is None and self.scene.operator == FOLLOW_LEADER and model.friction * model.noise > 0:
+            # (6) needs accuracy relative to f. The kernel has it where dv resolves its width: not for noise that hardly acts.
+            kernel = self.exact_step_spacing(self.farthest_exact_step())
+            return "finite-volume-8" if self._weak_noise_spacing() > 4 * kernel else "kernel"
         return given or "kernel"
+
+    def _weak_noise_spacing(self) -> float:
+        """For finite volumes in the kernel's place: of order 8 in the whole window (velocity/finite_volume.py, steep faces)."""
+        model = self.scene.model
+        farthest = max(abs(edge - model.gravity / model.friction) for edge in self.window())
+        return min(self.finite_volume_spacing("finite-volume-8"), 2.2 * model.noise / farthest)
+
+    def finite_volume_spacing(self, name: str) -> float:
+        """The dv at which the finite volumes' error is rtol; it adds up over a relaxation time."""
+        coefficient, order = FINITE_VOLUME_ERROR[name]
+        coefficient *= self.tail_weight() * min(1.0, self.scene.model.friction * self.end)
+        return math.sqrt(self.scene.model.noise) * (self.rtol / coefficient) ** (1 / order)
 
     def time_step(self, stepping: str, velocity: str, window: tuple[float, float]) -> float | None:
         operator, given = self.scene.operator, self.scene.grid.time_step
@@ -295,10 +311,10 @@ class Rules:
         if noisy and (scene.operator is not None or drift_diffusion != "kernel"):
             if drift_diffusion != "kernel" or (stepping == "extrapolated" and scene.operator == FOLLOW_LEADER):
                 name = "finite-volume-8" if drift_diffusion == "kernel" else drift_diffusion
-                coefficient, order = FINITE_VOLUME_ERROR[name]
-                coefficient *= self.tail_weight()
-                bounds[f"the finite volumes' error of order {order}"] = math.sqrt(model.noise) * (self.rtol / coefficient) ** (
-                    1 / order
+                order = FINITE_VOLUME_ERROR[name][1]
+                weak = stepping == "exact" and scene.grid.drift_diffusion is None
+                bounds[f"the finite volumes' error of order {order}"] = (
+                    self._weak_noise_spacing() if weak else self.finite_volume_spacing(name)
                 )
                 if drift_diffusion == "kernel":
                     shortest = 0.15 / self.rate() * min(1.0, self.rtol / 1e-4) ** (1 / 8)  # order 8; measured
@@ -308,8 +324,7 @@ class Rules:
                 bounds["the Ornstein-Uhlenbeck kernel of one step"] = self.exact_step_spacing(h)
             elif stepping == "strang":
                 # Finite volumes of order 8 take over where dv is too coarse for the kernel: no need to be finer than they ask.
-                coefficient, order = FINITE_VOLUME_ERROR["finite-volume-8"]
-                enough = math.sqrt(model.noise) * (self.rtol / (coefficient * self.tail_weight())) ** (1 / order)
+                enough = self.finite_volume_spacing("finite-volume-8")
                 kernel = resolved_spacing(model, _shortest_step(self.times, float(time_step or gaps.min())))
                 bounds["the Ornstein-Uhlenbeck kernel of one step"] = max(kernel, enough)
         if deposit is not None:
@@ -434,7 +449,7 @@ class Rules:
         return fast_odd(2 * n + 1)
 
     def _front_modes(self, density: Array) -> float:
-        """Of the fronts that (6) can make of a density: tanh profiles of width 2/(S Δρ), whose spectrum falls as exp(-πk/(SΔρ))."""
+        """Of the fronts that (6) can make of a density: tanh profiles of width 2/(S Δρ), with the spectrum exp(-πk/(SΔρ))."""
         contrast = self.scene.cross_section * float(np.ptp(density))
         return contrast * math.log(10 / self.rtol) / math.pi * self.scene.pipe.length / (2 * math.pi)
 

@@ -52,7 +52,8 @@ class FiniteVolume:
         # The sum starts far outside the window, where its first term no longer matters.
         margin = int(np.ceil(10 * np.sqrt(sigma) / dv)) + 1
         w = (self.grid.low - m) + dv * (np.arange(-margin, nv + margin) + 0.5)
-        step_up = np.exp(-(2 * w + dv) * dv / (2 * sigma))  # M_{j+1}/M_j
+        with np.errstate(over="ignore"):  # an infinite ratio is one of the limits that the sums below take
+            step_up = np.exp(-(2 * w + dv) * dv / (2 * sigma))  # M_{j+1}/M_j
         right = np.zeros(w.size)  # Mf_{j+1/2}/M_j, summed from the left for faces below m
         left = np.zeros(w.size)  # Mf_{j-1/2}/M_j, summed from the right for faces above m
         value = np.exp(-w[0] * dv / (2 * sigma)) if w[0] < 0 else 0.0
