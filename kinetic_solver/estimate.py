@@ -44,6 +44,7 @@ class ErrorEstimate:
         self._amplified = math.exp(0.3 * rules.amplification()) if plan.inner.operator == FOLLOW_LEADER else 1.0
         if plan.stepping == "strang" and plan.time_step is not None:
             self._of_steps = rules.strang_coefficient() * (rules.rate() * plan.time_step) ** 2
+        self._collision_rate = rules.collision_rate()
         self._finite_volumes = 0.0
         if plan.velocity != "hermite" and plan.drift_diffusion != "kernel":
             order = FINITE_VOLUME_ERROR[plan.drift_diffusion][1]
@@ -107,8 +108,7 @@ class ErrorEstimate:
         if self.plan.velocity == "hermite":
             size = np.abs(state).max(axis=0)
             return float(size[-2:].max() / size.max())
-        amplitude = np.abs(np.fft.rfft(f, axis=1)).max(axis=0)
-        error = float(amplitude[-2:].max() / amplitude.max())
+        error = self.shortest_waves(f)
         if self._finite_volumes:
             order = FINITE_VOLUME_ERROR[self.plan.drift_diffusion][1]
             error += self._finite_volumes * self.plan.grid.dv**order
@@ -116,10 +116,14 @@ class ErrorEstimate:
             error += self._of_deposits(f, operator) * self._acting(clock)
         return error
 
+    def shortest_waves(self, f: Array) -> float:
+        """The amplitude of the shortest waves in v over the largest of all."""
+        amplitude = np.abs(np.fft.rfft(f, axis=1)).max(axis=0)
+        return float(amplitude[-2:].max() / amplitude.max())
+
     def _acting(self, time: float) -> float:
-        """How long an error of the collision rate adds up."""
-        friction = self.plan.inner.model.friction
-        return min(time, 1 / friction) if friction > 0 else time
+        """How long an error of the collision rate adds up: collisions as well as friction forget it."""
+        return min(time, 1 / (self.plan.inner.model.friction + self._collision_rate))
 
     def _of_deposits(self, f: Array, operator: Inelastic) -> float:
         """max|ΔC|/max f, ΔC the difference that twice as many points in v make."""

@@ -188,9 +188,9 @@ class Rules:
         return min(self.finite_volume_spacing("finite-volume-8"), 2.2 * model.noise / farthest)
 
     def finite_volume_spacing(self, name: str) -> float:
-        """The dv at which the finite volumes' error is rtol; it adds up over a relaxation time."""
+        """The dv at which the finite volumes' error is rtol; it adds up over a quarter of a relaxation time."""
         coefficient, order = FINITE_VOLUME_ERROR[name]
-        coefficient *= self.tail_weight() * min(1.0, self.scene.model.friction * self.end)
+        coefficient *= self.tail_weight() * min(1.0, 4 * self.scene.model.friction * self.end)
         return math.sqrt(self.scene.model.noise) * (self.rtol / coefficient) ** (1 / order)
 
     def time_step(self, stepping: str, velocity: str, window: tuple[float, float]) -> float | None:

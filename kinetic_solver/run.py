@@ -46,7 +46,7 @@ WORTH_SHRINKING = 1.5
 LEFT = 6
 
 
-def make_stepper(plan: Plan, representation: Representation, limited: Callable[[float], None] | None = None) -> Stepper:
+def make_stepper(plan: Plan, representation: Representation, limited: Callable[[float], bool] | None = None) -> Stepper:
     """The stepper that the plan names."""
     scene, rtol = plan.inner, plan.inner.accuracy.rtol
     longest = math.inf if plan.time_step is None else plan.time_step
@@ -258,13 +258,16 @@ class Run:
 
     def _suspect(self) -> str:
         """What to make larger where steps cannot meet their tolerance: the window, if f reaches its edges, else nv."""
-        edges = np.abs(self._f[:, [0, -1]]).max(axis=0) / self._f.max()
-        if edges.max() > 0.03 * self.plan.inner.accuracy.rtol and self._free("low"):
-            return "low" if edges[0] > edges[1] else "high"
+        low, high = np.abs(self._f[:, [0, -1]]).max(axis=0)
+        if max(low, high) > 0.03 * self.plan.inner.accuracy.rtol * self._f.max():
+            return "low" if low > high else "high"
         return "nv"
 
-    def _limited_by_the_grid(self, step: float) -> None:
+    def _limited_by_the_grid(self, step: float) -> bool:
+        """Raises where a larger grid may help; True where it was given and is to blame, with a warning."""
         what = self._suspect()
+        if what == "nv" and self._estimate.shortest_waves(self._f) < 0.1 * self.plan.inner.accuracy.rtol:
+            return False
         text = (
             f"steps shorter than {step:.2g} no longer help: the grid limits the accuracy; widen grid.velocity_window or raise "
             "grid.nv"
@@ -272,6 +275,7 @@ class Run:
         if self._free(what):
             raise Unresolved(f"{self._between(self._now, self._now)}: {text}", what, 1.0)
         warnings.warn(text, stacklevel=5)
+        return True
 
     def _enlarge(self, problem: Unresolved) -> None:
         """Go back to the last good state with a larger grid, or stop where there is none to be had."""

@@ -124,14 +124,15 @@ class Controlled:
         tolerance: Callable[[Array], float],
         longest: float = math.inf,
         fixed: float | None = None,
-        limited: Callable[[float], None] | None = None,
+        limited: Callable[[float], bool] | None = None,
     ) -> None:
         self.method = method
         self.tolerance = tolerance
         self.longest = longest
         self.fixed = fixed
         self.limited = limited or _warn_of_the_grid
-        """Told the length of the steps below which the grid, not the step, limits the accuracy; may raise."""
+        """Asked, with the length of steps below which errors fall no faster than the step, whether it is the grid that limits
+        them: then what the longer step reached is good enough. May raise."""
         self.error = 0.0
         self.steps = 0
         self.rejected = 0
@@ -161,7 +162,9 @@ class Controlled:
             # A NaN is no small error. One that twice falls just as the step does is not the method's, but the grid's.
             excess = error / allowed if math.isfinite(error) else math.inf
             useless = useless + 1 if failed / 4 < excess < 1.5 * failed < math.inf else 0
-            if not excess <= self._limit and useless < 2:
+            if excess > self._limit and useless == 2 and self.limited(2 * h):
+                self._limit = 4 * failed  # the longer step was as good
+            if not excess <= self._limit:
                 if level == self.DEEPEST:
                     raise StepTooSmall(f"no step down to {h:.2g} keeps the error asked for")
                 more = math.ceil(math.log2(excess) / self._order) if math.isfinite(excess) else 1
@@ -169,9 +172,6 @@ class Controlled:
                 self.rejected += 1
                 failed = excess
                 continue
-            if excess > self._limit:
-                self._limit = 4 * failed  # the longer step was as good
-                self.limited(2 * h)
             failed = math.inf
             f, place, self._length = new, place + units, h
             self._accept(error, h)
@@ -197,12 +197,13 @@ class Controlled:
         self.steps += 1
 
 
-def _warn_of_the_grid(step: float) -> None:
+def _warn_of_the_grid(step: float) -> bool:
     warnings.warn(
         f"steps shorter than {step:.2g} no longer help: the grid limits the accuracy; widen grid.velocity_window or raise "
         "grid.nv",
         stacklevel=4,
     )
+    return True
 
 
 class ExactStep(Protocol):

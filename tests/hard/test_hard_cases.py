@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from typing import Any
 
 import pytest
@@ -10,32 +11,60 @@ import pytest
 from benchmarks import hard_cases
 from kinetic_solver import Scene, solve
 from kinetic_solver.homogeneous import homogeneous_state
+from kinetic_solver.scene import Output
 
 LIMIT = 15.0
 """Seconds that a run may take; its truth twice that."""
-SLOW: dict[str, tuple[float, ...]] = {}
-"""Left to the benchmark, by tolerance."""
-MAY_REFUSE: tuple[str, ...] = ()
-"""Where one line that names a key to change will do instead of an answer."""
+BUDGETS = 1e-5
+"""Of what the terms of a budget bring: what quadrature in time may leave at rtol = 1e-6; it knows nothing of rtol."""
+TOLERANCES: dict[str, tuple[float, ...]] = {
+    "(12), σ = 0": (1e-3, 1e-6),
+    "(12), vacuum outside a step": (1e-3, 1e-5),
+    "(12), ε = 0, Sρ = 100": (),  # 10 s; homogeneous below
+    "(12), t = 500/γ": (),  # 10 s
+    "(12), σ = 1e-4 θ0": (),  # 40 s
+    "(6), σ = 1e-4 θ0": (),  # 30 s; coarser below
+}
+"""Where not 1e-3 for operator (12), which takes 10 to 100 times as long at 1e-6, and 1e-3 and 1e-6 for the rest."""
+MAY_REFUSE = {
+    ("(6), a step, ratio 3", 1e-6): r"accuracy\.rtol",
+    ("(6), a step, vacuum outside", 1e-3): r"initial\.step|accuracy\.rtol",
+    ("(6), a step, vacuum outside", 1e-6): r"accuracy\.rtol",
+    ("(12), vacuum outside a step", 1e-5): r"accuracy\.rtol",
+    ("(12), time_step = 10/γ", 1e-3): r"grid\.time_step",
+}
+"""Where one line will do instead of an answer, and the key that it must name."""
 
 
-CHOSEN = [(name, rtol) for name in hard_cases.CASES for rtol in (1e-3, 1e-6) if rtol not in SLOW.get(name, ())]
+def chosen() -> list[tuple[str, float]]:
+    default = {name: (1e-3,) if name.startswith("(12)") else (1e-3, 1e-6) for name in hard_cases.CASES}
+    return [(name, rtol) for name, tolerances in (default | TOLERANCES).items() for rtol in tolerances]
 
 
-@pytest.mark.parametrize(("name", "rtol"), CHOSEN)
+@pytest.mark.parametrize(("name", "rtol"), chosen())
 def test_meets_rtol_or_says_why_not(name: str, rtol: float) -> None:
     """f, density, mean velocity and temperature within rtol in every frame; mass to round-off; budgets closed to rtol; and
     neither noise from numpy nor a closed form that contradicts itself."""
-    out = hard_cases.measure(name, rtol, LIMIT, repeat=False)
+    out = hard_cases.measure(name, rtol, LIMIT, thorough=False, positions=25)
     assert out.faults == []
-    if out.refused and name in MAY_REFUSE:
-        assert hard_cases.KEY.search(out.said)
+    if out.refused:
+        assert (name, rtol) in MAY_REFUSE, out.said
+        assert re.search(MAY_REFUSE[name, rtol], out.said), out.said
         return
-    assert not out.refused, out.said
-    assert out.errors, f"nothing to compare with: {out.said} {out.truth}"
+    assert out.errors, out.said
+    assert not out.truth.startswith("none"), out.truth
     assert out.worst[0] <= 1, out.errors
     assert out.mass_drift < 1e-12
-    assert max(out.momentum_residual, out.energy_residual) <= rtol
+    assert max(out.momentum_residual, out.energy_residual) <= max(rtol, BUDGETS)
+
+
+def test_weak_noise_is_quiet_and_right() -> None:
+    """(6) at σ = 1e-4 θ0 and rtol = 0.1, without budgets: the case above takes half a minute."""
+    scene = hard_cases.hard_scene("(6), σ = 1e-4 θ0", 0.1).model_copy(update={"output": Output(budgets=False)})
+    run = solve(scene)  # warnings are errors here
+    run = run.isel(x=slice(None, None, 3), v=slice(None, None, 2))
+    truth = hard_cases.closed_form(scene, run["x"].values, run["v"].values)
+    assert max(hard_cases.ratios(run, truth, 0.1).values()) <= 1
 
 
 def homogeneous(restitution: float, cross_section: float, **changes: dict[str, Any]) -> Scene:
@@ -49,10 +78,10 @@ def homogeneous(restitution: float, cross_section: float, **changes: dict[str, A
     return Scene.model_validate(table | changes)
 
 
-@pytest.mark.parametrize(("restitution", "cross_section"), [(0.0, 100.0), (0.999, 10.0)])
-def test_relaxes_to_the_stationary_state(restitution: float, cross_section: float) -> None:
-    """From 1.5 times its temperature over 6/γ, when friction alone has left e^-12 of the difference: u = g/γ, and θ as Newton's
-    method finds it on velocity points of its own (homogeneous.py)."""
+@pytest.mark.parametrize(("restitution", "cross_section", "end"), [(0.0, 100.0, 2.0), (0.999, 10.0, 6.0)])
+def test_relaxes_to_the_stationary_state(restitution: float, cross_section: float, end: float) -> None:
+    """From 1.5 times its temperature, until collisions, or at ε = 0.999 friction (e^-12), have left less than rtol of the
+    difference: u = g/γ, and θ as Newton's method finds it on velocity points of its own (homogeneous.py)."""
     state = homogeneous_state(homogeneous(restitution, cross_section, run={"end_time": 1.0}))
     assert state is not None
     scene = homogeneous(
