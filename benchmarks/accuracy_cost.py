@@ -165,7 +165,7 @@ def of_problem(problem: Problem) -> list[Point]:
 
 def draw(points: list[Point]) -> None:
     """Left: error against seconds, rtol's points joined, grids by hand as crosses. Right: error/rtol, which should be below 1."""
-    figure = Figure(figsize=(13, 5.5), layout="constrained")
+    figure = Figure(figsize=(13, 6), layout="constrained")
     cost, kept = figure.subplots(1, 2)
     for n, problem in enumerate(PROBLEMS):
         here = [p for p in points if p.problem == problem.name]
@@ -178,7 +178,7 @@ def draw(points: list[Point]) -> None:
     cost.set(
         xscale="log", yscale="log", xlabel="seconds, one core", ylabel="error", title="from rtol (joined), and grids by hand"
     )
-    cost.legend(fontsize=9)
+    figure.legend(loc="outside lower center", ncols=4, fontsize=9)
     kept.axhline(1, color="k", lw=1.2)
     kept.set(xscale="log", yscale="log", xlabel="rtol", ylabel="error/rtol", title="what rtol asked for, and what came")
     kept.invert_xaxis()

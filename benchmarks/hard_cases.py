@@ -399,6 +399,9 @@ def _compare(name: str, scene: Scene, run: xr.Dataset, out: Outcome, thorough: b
     else:
         speed = 0.0
         if 0 < scene.model.friction < 1e-6:
+            if rtol < 1e-6:
+                out.truth = "none: the limit γ → 0 is good to 1e-7 only"
+                return
             scene, speed = without_friction(scene)
         run = run.isel(x=chosen_positions(run.sizes["x"], positions))
         truth = closed_form(scene, run["x"].values, run["v"].values, speed)

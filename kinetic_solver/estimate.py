@@ -27,8 +27,8 @@ class ErrorEstimate:
     """Each part is the largest since time 0, but for that of the steps, forgotten as the flow forgets them.
 
     - time: estimated errors of the extrapolated steps, times what (6) may make of them; Strang's by its rule; exact steps have none.
-    - x: the waves of the highest eighth, or what the linearised step of (6) misses of the density; without collisions none, but
-      for the waves of a density step that the grid leaves out.
+    - x: the waves of the highest eighth, or what the linearised step of (6) misses of the density; without collisions none,
+      but for the waves of a density step that the grid leaves out.
     - v: the shortest waves in v that the points hold; with (12) the difference that twice the points make to the collision
       rate, times how long it acts; with finite volumes their rule; in Hermite functions the last coefficients.
     - window: f at its edges, the slow one amplified as (6) does.
@@ -36,10 +36,9 @@ class ErrorEstimate:
     Held against true errors in tests/convergence/test_estimate.py.
     """
 
-    def __init__(self, plan: Plan) -> None:
+    def __init__(self, plan: Plan, rules: Rules) -> None:
         self.plan = plan
         """May be exchanged for one of another grid."""
-        rules = Rules(plan.inner, {}, plan.times)
         self._of_steps = 0.0
         self._amplified = math.exp(0.3 * rules.amplification()) if plan.inner.operator == FOLLOW_LEADER else 1.0
         if plan.stepping == "strang" and plan.time_step is not None:

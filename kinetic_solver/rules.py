@@ -70,6 +70,7 @@ class Rules:
             # Collisions cool: the hottest place is the thinnest one, and no hotter than its own stationary state.
             thinnest = homogeneous_state(_at_density(scene, float(self.rho.min())))
             theta_end = min(theta_end, thinnest.temperature if thinnest is not None else theta_end)
+        self.theta_end = theta_end
         self.theta_max = max(float(self.theta.max()), theta_end)
         theta_least = float(self.theta.min())
         self.theta_min = min(theta_least, theta_least * self.whole.decay**2 + self.whole.velocity_variance)
@@ -102,6 +103,17 @@ class Rules:
             + (", and the amplified slow tail of (6)" if self.scene.operator == FOLLOW_LEADER else "")
         )
         return low, high
+
+    def window_to_come(self, mean_velocity: Array, temperature: Array, left: float) -> tuple[float, float]:
+        """As `window`, for the rest of a run from its present fields."""
+        step = transition(self.scene.model, left)
+        means = [float(mean_velocity.min()), float(mean_velocity.max())]
+        means += [step.velocity_shift + mean * step.decay for mean in means]
+        hottest = float(temperature.max())
+        theta = max(hottest, min(hottest * step.decay**2 + step.velocity_variance, self.theta_end))
+        reach = self.tail * math.sqrt(theta)
+        slower = 2 * self.scene.cross_section * self.rho_max * math.sqrt(theta) * step.drift_time
+        return min(means) - reach - (slower if self.scene.operator == FOLLOW_LEADER else 0.0), max(means) + reach
 
     def shifted(self) -> bool:
         """True where velocities are shifted or contracted without noise: only in a frame at rest (frame.py)."""

@@ -23,6 +23,7 @@ from kinetic_solver.estimate import ErrorEstimate
 from kinetic_solver.frames import Frames
 from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.linearised import GridLinearisedStep
+from kinetic_solver.moments import moments
 from kinetic_solver.monitor import Monitor, SolverStopped, Unresolved
 from kinetic_solver.output import Recorder
 from kinetic_solver.plan import Plan, check_memory
@@ -119,7 +120,8 @@ class Run:
         self._progress = progress
         self._first = plan
         self._monitor = Monitor(plan)
-        self._estimate = ErrorEstimate(plan)
+        self._rules = Rules(plan.inner, {}, plan.times)
+        self._estimate = ErrorEstimate(plan, self._rules)
         self._ledger: Ledger | None = None
         self._build(plan)
         self._state = self._representation.start()
@@ -306,7 +308,7 @@ class Run:
 
     def _with_shorter_steps(self) -> Plan:
         """Exact steps of two thirds of the length, on points dense enough for their kernel."""
-        rules = Rules(self.plan.inner, {}, self.plan.times)
+        rules = self._rules
         step = (self.plan.time_step or self.plan.inner.run.end_time) / FINER
         grid = self.plan.grid
         nv = max(grid.nv, math.ceil((grid.high - grid.low) / rules.exact_step_spacing(step)))
@@ -316,7 +318,7 @@ class Run:
         """Go on from the last good state by another plan. Exact steps that are not carried over start again from time 0."""
         old, grid = self.plan, plan.grid
         if plan.shortest_step > 0 and grid.dv != old.grid.dv:
-            shortest = Rules(plan.inner, {}, plan.times).shortest_exact_step(grid)
+            shortest = self._rules.shortest_exact_step(grid)
             plan = dataclasses.replace(plan, shortest_step=shortest)
         try:
             check_memory(plan)
@@ -347,15 +349,16 @@ class Run:
         plan, grid, rtol, f = self.plan, self.plan.grid, self.plan.inner.accuracy.rtol, self._f
         if (plan.times[-1] - self._now) / self._step < LEFT:
             return None
-        new = grid
+        new, rules = grid, self._rules
         if self._free("nx") and "nx" not in self._tried:
             waves = int(np.flatnonzero(self._monitor.waves(f, self._now) > rtol / 100)[-1])
-            rules = Rules(plan.inner, {}, plan.times)
             new = dataclasses.replace(new, nx=min(grid.nx, rules.enough_points(waves, f.sum(axis=1) * grid.dv)))
         if self._free("low") and not self._tried.keys() & {"low", "high"}:
             held = np.flatnonzero(self._monitor.amplified(f, self._now) > rtol / 300 * f.max())
-            margin = math.ceil(0.05 * grid.nv)
-            first, last = max(0, held[0] - margin), min(grid.nv, held[-1] + 1 + margin)
+            m = moments(grid, f)
+            low, high = rules.window_to_come(m.mean_velocity, m.temperature, plan.times[-1] - self._now)
+            needed = np.searchsorted(grid.faces, [low, high])
+            first, last = max(0, min(held[0], needed[0] - 1)), min(grid.nv, max(held[-1] + 1, needed[1]))
             new = dataclasses.replace(new, nv=last - first, low=grid.faces[first], high=grid.faces[last])
         if self._free("nv") and not self._exact and "nv" not in self._tried:
             nv = self._estimate.enough_velocities(f, self._now, self._operator)
@@ -374,7 +377,7 @@ class Run:
             return
         if plan.symmetric and plan.stepping == "extrapolated":
             shortest = stepper.shortest / stepper.method.counts[-1]
-            Rules(scene, {}, plan.times).warn_of_an_unresolved_kernel(plan.grid, shortest, plan.drift_diffusion)
+            self._rules.warn_of_an_unresolved_kernel(plan.grid, shortest, plan.drift_diffusion)
         if stepper.fixed is not None:
             estimate = stepper.error / float(np.abs(self._f).max())
             if estimate > scene.accuracy.rtol:
