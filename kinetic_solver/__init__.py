@@ -9,16 +9,18 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from kinetic_solver.certification import certify
     from kinetic_solver.monitor import SolverStopped
     from kinetic_solver.scene import Scene, SceneError
     from kinetic_solver.solver import solve
 
-__all__ = ["Scene", "SceneError", "SolverStopped", "exact", "solve", "stability"]
+__all__ = ["Scene", "SceneError", "SolverStopped", "certify", "exact", "solve", "stability"]
 
 _HOME = {
     "Scene": "kinetic_solver.scene",
     "SceneError": "kinetic_solver.scene",
     "SolverStopped": "kinetic_solver.monitor",
+    "certify": "kinetic_solver.certification",
     "solve": "kinetic_solver.solver",
 }
 

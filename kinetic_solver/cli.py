@@ -106,6 +106,7 @@ def run(
     method: Annotated[str, typer.Option(help="grid, or exact (the closed form, where there is one).")] = "grid",
     overrides: Overrides = None,
     overwrite: Overwrite = False,
+    certified: Annotated[bool, typer.Option("--certify", help="Run again refined; add error bars and observed orders.")] = False,
 ) -> None:
     """Solve a scene and write a netCDF file."""
     with _exit_codes():
@@ -115,7 +116,11 @@ def run(
             raise SceneError(f"--method {method!r}: unknown; allowed: 'grid', 'exact'")
         loaded = _load(scene, overrides)
         target = output or Path(scene.stem + ".nc")
+        if certified and method != "grid":
+            raise SceneError(f"--certify: is for --method grid; {method!r} has no discretisation to refine")
         (_run_grid if method == "grid" else _run_exact)(loaded, target, overwrite)
+        if certified:
+            _certify(loaded, target)
         print(f"wrote {target}")
 
 
@@ -138,6 +143,16 @@ def _run_grid(scene: Scene, target: Path, overwrite: bool) -> None:
     print(
         f"estimated error {report.error:.2g} of max f (accuracy.rtol = {scene.accuracy.rtol:g}); limited by {report.limited_by}"
     )
+
+
+def _certify(scene: Scene, target: Path) -> None:
+    from kinetic_solver.certification import certify
+    from kinetic_solver.output import append, open_run
+
+    with open_run(target) as run:
+        found = certify(scene, run.load(), lambda text: print(text, file=sys.stderr))
+    append(target, found)
+    print(f"certified: {found.attrs['certified']}")
 
 
 def _run_exact(scene: Scene, target: Path, overwrite: bool) -> None:

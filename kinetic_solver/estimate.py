@@ -26,7 +26,8 @@ PARTS = {
 class ErrorEstimate:
     """Each part is the largest since time 0, but for that of the steps, forgotten as the flow forgets them.
 
-    - time: estimated errors of the extrapolated steps, times what (6) may make of them; Strang's by its rule; exact steps have none.
+    - time: estimated errors of the extrapolated steps, times what (6) may make of them; Strang's by its rule; exact steps have
+      none.
     - x: the waves of the highest eighth, or what the linearised step of (6) misses of the density; without collisions none,
       but for the waves of a density step that the grid leaves out.
     - v: the shortest waves in v that the points hold; with (12) the difference that twice the points make to the collision

@@ -37,9 +37,20 @@ def summary(dataset: xr.Dataset) -> list[str]:
             if f"{name}_residual" in dataset:
                 line += f", budget residual {last(f'{name}_residual'):.2g}"
             lines.append(line)
-    for name in ("minimum_of_f", "edge_error_low", "edge_error_high", "velocity_curvature", "spectral_tail", "density_defect"):
+    for name in (
+        "minimum_of_f",
+        "edge_error_low",
+        "edge_error_high",
+        "velocity_curvature",
+        "spectral_tail",
+        "density_defect",
+        "error_estimate",
+    ):
         if name in dataset:
             worst = dataset[name].min() if name == "minimum_of_f" else dataset[name].max()
             lines.append(f"{name:<20}{float(worst):.2g}   {dataset[name].attrs['long_name']}")
+    for name in ("limited_by", "grids", "certified"):
+        if name in a:
+            lines.append(f"{name:<12}{a[name]}")
     lines.append(f"scene       {a.get('scene', 'none')}")
     return lines

@@ -89,8 +89,9 @@ class Monitor:
             finer.append("nv")
         self._bound(
             finer[0], -values["minimum_of_f"], any(getattr(given, name) is not None for name in finer), time,
-            f"f has become negative by {-values['minimum_of_f']:.2g} of its maximum; raise "
-            + " and ".join(f"grid.{name}" for name in finer),
+            f"f has become negative by {-values['minimum_of_f']:.2g} of its maximum; "
+            + ("shorten grid.time_step, or " if given.time_step is not None and self.plan.deposit else "")
+            + "raise " + " and ".join(f"grid.{name}" for name in finer),
         )  # fmt: skip
         self._bound(
             "nx", values["spectral_tail"], given.nx is not None, time,

@@ -284,6 +284,22 @@ def open_run(path: str | Path) -> xr.Dataset:
     return dataset
 
 
+def append(path: str | Path, dataset: xr.Dataset) -> None:
+    """Add variables and attributes to a file whose run has finished."""
+    import netCDF4
+
+    with netCDF4.Dataset(path, "a") as out:
+        for name, added in dataset.data_vars.items():
+            values, dims = added.values, tuple(map(str, added.dims))
+            for dimension, size in zip(dims, values.shape, strict=True):
+                if dimension not in out.dimensions:
+                    out.createDimension(dimension, size)
+            variable = out.createVariable(str(name), "f8", dims)
+            variable.setncatts(added.attrs)
+            variable[:] = values
+        out.setncatts(dataset.attrs)
+
+
 def write_dataset(dataset: xr.Dataset, path: str | Path, overwrite: bool = False) -> None:
     """Write a whole dataset in the format of `NetCDFRecorder`, through a temporary file: all of it or nothing."""
     path = Path(path)

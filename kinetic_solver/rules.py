@@ -15,7 +15,7 @@ import numpy as np
 from kinetic_solver import initial
 from kinetic_solver.arrays import Array
 from kinetic_solver.grid import PhaseSpaceGrid
-from kinetic_solver.homogeneous import homogeneous_state, start_state
+from kinetic_solver.homogeneous import HomogeneousState, homogeneous_state, start_state
 from kinetic_solver.scene import FOLLOW_LEADER, INELASTIC, Scene, SceneError
 from kinetic_solver.velocity.hermite import HermiteBasis
 from kinetic_solver.velocity.kernel import resolution, resolved_spacing
@@ -68,14 +68,14 @@ class Rules:
         theta_end = float(self.theta.max()) * self.whole.decay**2 + self.whole.velocity_variance
         if scene.operator == INELASTIC and float(self.rho.min()) > 0:
             # Collisions cool: the hottest place is the thinnest one, and no hotter than its own stationary state.
-            thinnest = homogeneous_state(_at_density(scene, float(self.rho.min())))
+            thinnest = _state_at_density(scene, float(self.rho.min()))
             theta_end = min(theta_end, thinnest.temperature if thinnest is not None else theta_end)
         self.theta_end = theta_end
         self.theta_max = max(float(self.theta.max()), theta_end)
         theta_least = float(self.theta.min())
         self.theta_min = min(theta_least, theta_least * self.whole.decay**2 + self.whole.velocity_variance)
         if scene.operator == INELASTIC:
-            state = homogeneous_state(_at_density(scene, self.rho_max))
+            state = _state_at_density(scene, self.rho_max)
             self.theta_min = min(self.theta_min, self._haff(theta_least) if state is None else state.temperature)
 
     def _haff(self, theta: float) -> float:
@@ -297,7 +297,7 @@ class Rules:
         return sum(_steps(float(gap), h) for gap in np.diff(self.times))
 
     def error_share(self) -> float:
-        return 0.3 * math.exp(-0.3 * self.amplification()) if self.scene.operator == FOLLOW_LEADER else 0.15
+        return 0.3 * math.exp(-0.3 * self.amplification()) if self.scene.operator == FOLLOW_LEADER else 0.4
 
     def nv(
         self, window: tuple[float, float], stepping: str, time_step: float | None, deposit: str | None, drift_diffusion: str
@@ -358,12 +358,13 @@ class Rules:
         """S·(max - min) of the periodic part of the initial ∫ρ dx."""
         if self.scene.homogeneous or self.scene.operator != FOLLOW_LEADER:
             return 0.0
-        return self.scene.cross_section * float(np.ptp(self._potential()))
+        return self.scene.cross_section * float(np.ptp(self._potential))
 
     def local_gauge(self) -> bool:
         """True where the exactly linearised step will need its local gauge (linearised/grid.py)."""
         return float(np.finfo(float).eps) * math.exp(self.gauge_range()) > 0.05 * self.rtol
 
+    @functools.cached_property
     def _potential(self) -> Array:
         """The periodic part of ∫ρ0 dx on the rules' points."""
         x = self.scene.pipe.length * np.arange(self.rho.size) / self.rho.size
@@ -372,9 +373,18 @@ class Rules:
     @functools.cached_property
     def _amplitudes(self) -> Array:
         """The largest |f_k(v)| over a few velocities, over that of all k, for k = 0, 1, … modes."""
+        return self._spectrum(np.ones_like(self.rho))
+
+    @functools.cached_property
+    def _lifted_amplitudes(self) -> Array:
+        """Likewise of f exp(S·periodic part of Φ), which is what evolves linearly under (6)."""
+        phi = self.scene.cross_section * self._potential
+        return self._spectrum(np.exp(phi - phi.max()))
+
+    def _spectrum(self, weight: Array) -> Array:
         reach = self.tail * math.sqrt(float(self.theta.max()))
         v = np.linspace(float(self.u.min()) - reach, float(self.u.max()) + reach, 33)
-        f = self.rho[:, None] / np.sqrt(self.theta[:, None])
+        f = (weight * self.rho)[:, None] / np.sqrt(self.theta[:, None])
         f = f * np.exp(-((v - self.u[:, None]) ** 2) / (2 * self.theta[:, None]))
         amplitude = np.abs(np.fft.rfft(f, axis=0)).max(axis=1)
         return np.asarray(amplitude / amplitude.max())
@@ -389,9 +399,7 @@ class Rules:
         if self.scene.initial.step is not None:
             amplitude = amplitude[: self.step_modes() + 1]
         if self.scene.operator == FOLLOW_LEADER and not self.scene.homogeneous:
-            phi = self.scene.cross_section * self._potential()
-            weighted = np.abs(np.fft.rfft(self.rho * np.exp(phi - phi.max())))
-            amplitude = np.maximum(amplitude, (weighted / weighted.max())[: amplitude.size])
+            amplitude = np.maximum(amplitude, self._lifted_amplitudes[: amplitude.size])
         n = np.flatnonzero(amplitude > self.rtol / 10)
         digits = np.log(10 * amplitude[n] / self.rtol)
         if self.scene.operator == FOLLOW_LEADER and self.shifted():
@@ -449,10 +457,14 @@ class Rules:
             else:
                 # Temperature and velocity follow the density: functions such as 1/ρ, with harmonics of their own.
                 follows = np.abs(np.fft.rfft(1 / (self.rho + 0.02 * self.rho_max)))
-                more = 0.0 if self.scene.initial.step else float(np.flatnonzero(follows > self.rtol / 10 * follows.max())[-1])
+                more = 0.0 if self.scene.initial.step else np.flatnonzero(follows > self.rtol / 10 * follows.max())[-1] / 2
                 why = "the harmonics in fields that follow the density"
             n = self._with_room(2 * n + more)
             reason += f", their products, and {math.ceil(more)} for {why}"
+            if self.scene.operator == FOLLOW_LEADER and self.scene.initial.step is None and not self.local_gauge():
+                # The global gauge transforms f exp(SΦ), which has waves of its own.
+                lifted = int(np.flatnonzero(self._lifted_amplitudes > self.rtol / 10)[-1])
+                n = max(n, math.ceil(8 / 7 * lifted))
         self.reasons["nx"] = reason
         if n > MOST_MODES:
             raise SceneError(
@@ -478,9 +490,9 @@ class Rules:
 
     def step_modes(self) -> int:
         """Modes of a density step that noise has not damped to rtol/10 by the first frame after the start."""
-        if self.scene.operator == FOLLOW_LEADER and self.rtol < LEAST_RTOL_OF_A_STEP and self.scene.grid.nx is None:
+        if self.scene.operator is not None and self.rtol < LEAST_RTOL_OF_A_STEP and self.scene.grid.nx is None:
             raise SceneError(
-                f"accuracy.rtol = {self.rtol:g}: with initial.step operator (6) is accurate to {LEAST_RTOL_OF_A_STEP:g} only "
+                f"accuracy.rtol = {self.rtol:g}: with initial.step collisions are accurate to {LEAST_RTOL_OF_A_STEP:g} only "
                 f"(products with a jump converge slowly in x); allowed: {LEAST_RTOL_OF_A_STEP:g} or more, smooth modes, or "
                 "a given grid.nx"
             )
@@ -555,9 +567,11 @@ def _shortest_step(times: Array, time_step: float) -> float:
     return min(float(gap) / _steps(float(gap), time_step) for gap in np.diff(times))
 
 
-def _at_density(scene: Scene, density: float) -> Scene:
+def _state_at_density(scene: Scene, density: float) -> HomogeneousState | None:
+    """None where there is none, or where it lies beyond what can be solved for (R* below 1e-6 or above 1e6)."""
     start = scene.initial.model_copy(update={"density": density})
-    return scene.model_copy(update={"initial": start})
+    there = scene.model_copy(update={"initial": start})
+    return homogeneous_state(there) if 1e-6 < there.groups.collision_number < 1e6 else None
 
 
 def fast_odd(n: int) -> int:

@@ -30,7 +30,7 @@ from kinetic_solver.plan import Plan, check_memory
 from kinetic_solver.regrid import regrid, resize, window_in_cells
 from kinetic_solver.representation import Representation, collision_operator, initial_state, make_representation
 from kinetic_solver.rules import Rules, fast_odd, frame_times
-from kinetic_solver.scene import SceneError
+from kinetic_solver.scene import INELASTIC, SceneError
 from kinetic_solver.stepping import Controlled, ExactStep, ExactSteps, Extrapolated, LostAccuracy, Plain, Stepper, StepTooSmall
 
 Progress = Callable[[float, float], None]
@@ -129,7 +129,7 @@ class Run:
         if plan.scene.output.budgets is not False:
             self._ledger = Ledger(plan.grid, plan.frame, self._operator, self._f)
         self._frames = Frames(plan, recorder, self._ledger)
-        self._count = itertools.count(1)
+        self._count, self._looks = itertools.count(1), itertools.count()
         self._now = 0.0
         self._step = math.inf
         self._good: tuple[float, Array, Any] = (0.0, self._state, None)
@@ -227,7 +227,7 @@ class Run:
         good = (now, state, self._ledger.mark() if self._ledger is not None else None)
         if not self._exact:
             self._good = good
-        smaller = self._smaller()
+        smaller = self._smaller() if next(self._looks) % CHECK_EVERY == 0 or not self._exact else None
         if smaller is not None:
             self._good, self._diagnostics = good, diagnostics
             raise _Smaller(smaller)
@@ -347,8 +347,9 @@ class Run:
     def _smaller(self) -> PhaseSpaceGrid | None:
         """A grid that would still hold f, where it is worth going over to it. What was once too small is not made smaller."""
         plan, grid, rtol, f = self.plan, self.plan.grid, self.plan.inner.accuracy.rtol, self._f
-        if (plan.times[-1] - self._now) / self._step < LEFT:
-            return None
+        mixing = plan.inner.operator == INELASTIC and plan.inner.model.friction * plan.inner.model.noise == 0
+        if (plan.times[-1] - self._now) / self._step < LEFT or mixing:
+            return None  # without noise free motion makes ever shorter waves in v
         new, rules = grid, self._rules
         if self._free("nx") and "nx" not in self._tried:
             waves = int(np.flatnonzero(self._monitor.waves(f, self._now) > rtol / 100)[-1])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 from scipy import sparse
 
@@ -43,8 +45,8 @@ class FiniteVolume:
             raise ValueError("finite volumes need friction > 0 and noise > 0; use the kernel")
         self.grid = grid
         self.model = model
-        self._up, self._down = self._rates()
 
+    @functools.cached_property
     def _rates(self) -> tuple[Array, Array]:
         """Rates from cell j to j + 1 and to j - 1, σγ/dv² · Mf/M_j; zero through the window's edges."""
         g, gamma, sigma = self.model.gravity, self.model.friction, self.model.noise
@@ -52,7 +54,8 @@ class FiniteVolume:
         # The sum starts far outside the window, where its first term no longer matters.
         margin = int(np.ceil(10 * np.sqrt(sigma) / dv)) + 1
         w = (self.grid.low - m) + dv * (np.arange(-margin, nv + margin) + 0.5)
-        with np.errstate(over="ignore"):  # an infinite ratio is one of the limits that the sums below take
+        # An infinite ratio is one of the limits that the sums below take.
+        with np.errstate(over="ignore"):
             step_up = np.exp(-(2 * w + dv) * dv / (2 * sigma))  # M_{j+1}/M_j
         right = np.zeros(w.size)  # Mf_{j+1/2}/M_j, summed from the left for faces below m
         left = np.zeros(w.size)  # Mf_{j-1/2}/M_j, summed from the right for faces above m
@@ -69,8 +72,10 @@ class FiniteVolume:
             if w[j] < 0:
                 break
         below = w + dv / 2 <= 0  # the face to the right of cell j lies below m
-        up = np.where(below, right, np.append(left[1:], 0.0) * step_up)
-        down = np.where(np.append(True, below[:-1]), np.append(0.0, right[:-1] / step_up[:-1]), left)
+        with np.errstate(invalid="ignore"):  # where 0 times infinity is not the branch taken
+            up = np.where(below, right, np.append(left[1:], 0.0) * step_up)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            down = np.where(np.append(True, below[:-1]), np.append(0.0, right[:-1] / step_up[:-1]), left)
         inside = slice(margin, margin + nv)
         scale = sigma * gamma / dv**2
         up, down = scale * up[inside], scale * down[inside]
@@ -79,7 +84,8 @@ class FiniteVolume:
 
     def generator(self) -> sparse.csr_array:
         """A, with df/dt = A f; its columns sum to 0."""
-        return sparse.diags_array([self._up[:-1], -(self._up + self._down), self._down[1:]], offsets=[-1, 0, 1], format="csr")
+        up, down = self._rates
+        return sparse.diags_array([up[:-1], -(up + down), down[1:]], offsets=[-1, 0, 1], format="csr")
 
     def matrix(self, h: float) -> Array:
         generator = self.generator()
@@ -138,6 +144,7 @@ class HighOrderFiniteVolume(FiniteVolume):
         # Pairs of centres that a face's difference uses: half its order.
         pairs = np.minimum(len(_STAGGERED), np.minimum(faces + 1, nv - 1 - faces))
         pairs[_REACH * dv * (2 * np.abs(face) + _REACH * dv) > 2 * sigma * _STEEPEST] = 1
+        up, down = self._rates
         difference = np.zeros((nv - 1, nv))
         for n, coefficients in enumerate(_STAGGERED, start=1):
             rows = faces[pairs == n]
@@ -152,7 +159,7 @@ class HighOrderFiniteVolume(FiniteVolume):
         ratio = np.exp(np.where(second_order, 0.0, exponent))
         inward = np.where(
             second_order,
-            np.where(column > row, self._down[column], -self._up[column]),
+            np.where(column > row, down[column], -up[column]),
             sigma * gamma / dv**2 * values * ratio,
         )
         shape = difference.shape

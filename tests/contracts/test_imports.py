@@ -23,6 +23,7 @@ LAYERS = [
     {"frames"},
     {"run"},
     {"solver", "exact", "describe", "info", "plotting"},
+    {"certification"},
     {"cli"},
 ]
 INDEPENDENT = {"exact": {"arrays", "scene", "initial", "homogeneous", "output", "grid"}, "stability": {"scene"}}
