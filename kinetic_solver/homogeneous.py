@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from kinetic_solver.arrays import Array
-from kinetic_solver.scene import INELASTIC, Scene
+from kinetic_solver.scene import INELASTIC, Scene, SceneError
 from kinetic_solver.threads import one_blas_thread
 
 
@@ -33,7 +33,7 @@ def homogeneous_state(scene: Scene) -> HomogeneousState | None:
     """The stationary state at the scene's mean density; None without both friction and noise: then there is none.
 
     (6): exactly Gaussian, θ_h = σ, u_h = (g - Sρσ)/γ. (12): solved by Newton's method, θ_h to 1e-9
-    (tests/exact/test_homogeneous.py); raises RuntimeError should that not converge.
+    (tests/exact/test_homogeneous.py); raises SceneError should that not converge, as at R* = 1e7.
     """
     g, gamma, sigma = scene.model.gravity, scene.model.friction, scene.model.noise
     if gamma * sigma == 0:
@@ -54,6 +54,8 @@ def start_state(scene: Scene) -> tuple[float, float]:
     """
     start, model = scene.initial, scene.model
     u0, theta0 = start.mean_velocity, start.temperature
+    if u0 is None and theta0 is not None and scene.operator == INELASTIC and model.friction * model.noise > 0:
+        u0 = model.gravity / model.friction  # known without solving for the temperature
     if u0 is None or theta0 is None:
         state = homogeneous_state(scene)
         if state is None:
@@ -95,7 +97,10 @@ def _inelastic(restitution: float, collision_number: float) -> tuple[float, floa
         if np.abs(step).max() < 1e-12 * f.max():
             break
     else:
-        raise RuntimeError(f"no homogeneous state found for restitution {restitution:g}, R* = {collision_number:g}")
+        raise SceneError(
+            f"collisions: the homogeneous state at restitution {restitution:g}, R* = {collision_number:.3g} is out of reach; "
+            "allowed: a given initial.temperature, or a smaller R*"
+        )
     theta = float(v**2 @ f) * dv
     kurtosis = float(v**4 @ f) * dv / (3 * theta**2) - 1
     distance = float(f @ np.abs(v[:, None] - v[None, :]) @ f) * dv**2

@@ -279,6 +279,14 @@ class Rules:
         """The largest dv that resolves the kernels of an exact step h."""
         return resolved_spacing(self.scene.model, h / 2 if self.local_gauge() else h, resolution(self.rtol))
 
+    def mixing_times(self) -> Array:
+        """Within the time in which free motion mixes the initial waves away: a few per mean free flight across the shortest."""
+        if self.scene.homogeneous:
+            return np.empty(0)
+        k, thermal = 2 * math.pi / self.scene.pipe.length, math.sqrt(self.theta_min)
+        count = min(12, math.ceil(4 * self.initial_modes()))
+        return 6 / (k * thermal) * (np.arange(count) + 1) / count
+
     def collision_rate(self) -> float:
         """Sρ√θ at the largest density and temperature."""
         return self.scene.cross_section * self.rho_max * math.sqrt(self.theta_max)
@@ -341,6 +349,8 @@ class Rules:
                 bounds["the Ornstein-Uhlenbeck kernel of one step"] = max(kernel, enough)
         if deposit is not None:
             coefficient, order = DEPOSIT_ERROR[deposit]
+            if not noisy:
+                coefficient *= 3  # nothing smooths away what collects near dv
             relax = min(self.end, 1 / model.friction if model.friction > 0 else math.inf)
             gain = max(1.0, self.collision_rate() * relax)
             bounds[f"the {deposit} deposit of collision products"] = math.sqrt(self.theta_min) * (

@@ -233,9 +233,16 @@ class Run:
             raise _Smaller(smaller)
 
     def _book_exact_steps(self) -> None:
-        book, representation = self._ledger, self._representation
+        book, representation, mixing = self._ledger, self._representation, self._rules.mixing_times()
+
+        def over(at: Callable[[float], Array], start: float, end: float) -> None:
+            assert book is not None
+            within = mixing[(mixing > start) & (mixing < end)].tolist()
+            for a, b in itertools.pairwise([start, *within, end]):
+                book.over(lambda t: representation.points(at(t)), a, b)
+
         if book is not None and self._operator is not None and isinstance(self._stepper, ExactSteps):
-            self._stepper.between = lambda at, start, end: book.over(lambda t: representation.points(at(t)), start, end)
+            self._stepper.between = over
 
     def _catch_up(self) -> None:
         def watch(f: Array, elapsed: float) -> None:
