@@ -8,7 +8,7 @@ import numpy as np
 from scipy.interpolate import make_interp_spline
 
 from kinetic_solver.arrays import Array
-from kinetic_solver.collisions.protocol import CollisionOperator
+from kinetic_solver.collisions.protocol import CollisionRate
 from kinetic_solver.frame import Frame, Place
 from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.moments import totals
@@ -27,7 +27,7 @@ class Ledger:
 
     HISTORY = 6
 
-    def __init__(self, grid: PhaseSpaceGrid, frame: Frame, operator: CollisionOperator | None, f: Array) -> None:
+    def __init__(self, grid: PhaseSpaceGrid, frame: Frame, operator: CollisionRate | None, f: Array) -> None:
         self.grid = grid
         """Of the states to come; like `operator` it may be exchanged."""
         self.frame = frame

@@ -9,7 +9,7 @@ import numpy as np
 from kinetic_solver.arrays import Array
 from kinetic_solver.collisions import Inelastic
 from kinetic_solver.collisions.inelastic import POINTS
-from kinetic_solver.collisions.protocol import CollisionOperator
+from kinetic_solver.collisions.protocol import CollisionRate
 from kinetic_solver.plan import Plan
 from kinetic_solver.regrid import resize
 from kinetic_solver.rules import FINITE_VOLUME_ERROR, Rules
@@ -58,7 +58,7 @@ class ErrorEstimate:
             self._of_steps = kept * self._of_steps + self._amplified * error / float(np.abs(f).max())
 
     def parts(
-        self, state: Array, f: Array, clock: float, diagnostics: dict[str, float], operator: CollisionOperator | None
+        self, state: Array, f: Array, clock: float, diagnostics: dict[str, float], operator: CollisionRate | None
     ) -> dict[str, float]:
         """All parts, and `error_estimate`, their sum."""
         if clock == 0:
@@ -82,7 +82,7 @@ class ErrorEstimate:
         name = max(self._parts, key=lambda part: self._parts[part])
         return f"{PARTS[name]}: {self._parts[name]:.2g} of max f"
 
-    def enough_velocities(self, f: Array, clock: float, operator: CollisionOperator | None) -> int:
+    def enough_velocities(self, f: Array, clock: float, operator: CollisionRate | None) -> int:
         """The nv, on the same window, with which the collision rate and f's waves in v would still be good to a tenth of rtol."""
         nv, rtol = self.plan.grid.nv, self.plan.inner.accuracy.rtol
         if not isinstance(operator, Inelastic) or self._finite_volumes:
@@ -104,7 +104,7 @@ class ErrorEstimate:
             return float(amplitude[-1] / amplitude.max())
         return max(diagnostics["spectral_tail"], diagnostics["density_defect"])
 
-    def _of_v(self, state: Array, f: Array, clock: float, operator: CollisionOperator | None) -> float:
+    def _of_v(self, state: Array, f: Array, clock: float, operator: CollisionRate | None) -> float:
         if self.plan.velocity == "hermite":
             size = np.abs(state).max(axis=0)
             return float(size[-2:].max() / size.max())

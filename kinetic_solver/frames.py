@@ -9,7 +9,7 @@ import numpy as np
 
 from kinetic_solver.arrays import Array
 from kinetic_solver.budgets import Ledger
-from kinetic_solver.collisions.protocol import CollisionOperator
+from kinetic_solver.collisions.protocol import CollisionRate
 from kinetic_solver.frame import Place
 from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.moments import moment_equations, moments, totals
@@ -35,7 +35,7 @@ class Frames:
         grid: PhaseSpaceGrid,
         place: Place,
         f: Array,
-        operator: CollisionOperator | None,
+        operator: CollisionRate | None,
         diagnostics: dict[str, float],
         shown: Array | None = None,
     ) -> None:

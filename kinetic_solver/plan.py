@@ -112,6 +112,8 @@ def _make_plan(scene: Scene, reasons: dict[str, str]) -> Plan:
         nv = scene.grid.nv or rules.hermite_count()
     else:
         nv = scene.grid.nv or rules.nv(window, stepping, time_step, deposit, drift_diffusion)
+        if rules.hermite_pays(nv):
+            velocity, nv = "hermite", rules.hermite_count()
     nx = scene.grid.nx or rules.nx()
     grid = PhaseSpaceGrid(nx, nv, scene.pipe.length, *window)
     shortest = 0.0

@@ -10,7 +10,7 @@ from typing import Protocol
 from kinetic_solver import initial
 from kinetic_solver.arrays import Array
 from kinetic_solver.collisions import FollowLeader, FollowLeaderHermite, Inelastic, InelasticHermite
-from kinetic_solver.collisions.protocol import CollisionOperator
+from kinetic_solver.collisions.protocol import CollisionRate
 from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.homogeneous import homogeneous_state, start_state
 from kinetic_solver.linear import HermiteLinearStep, LinearStep
@@ -75,7 +75,7 @@ class VelocityPoints:
 
     def split(self) -> BaseMethod:
         operator = collision_operator(self.plan)
-        assert operator is not None
+        assert isinstance(operator, FollowLeader | Inelastic)
         if self.plan.stepping == "strang" or isinstance(operator, FollowLeader):
             return strang(operator, self.linear)
         return lawson(operator.rate, self.linear)
@@ -134,15 +134,30 @@ def hermite_basis(scene: Scene, count: int) -> HermiteBasis:
     return HermiteBasis(state.mean_velocity, scene.model.noise, count)
 
 
-def collision_operator(plan: Plan) -> CollisionOperator | None:
-    """The operator that the scene needs, on the plan's velocity points; None without collisions."""
+def collision_operator(plan: Plan) -> CollisionRate | None:
+    """The operator that the scene needs, for f on the plan's velocity points; None without collisions."""
     scene = plan.inner
     if scene.operator is None:
         return None
     if scene.operator == FOLLOW_LEADER:
         return FollowLeader(plan.grid.v, scene.cross_section)
+    if plan.velocity == "hermite":
+        basis = hermite_basis(scene, plan.grid.nv)
+        return _AtPoints(InelasticHermite(basis, scene.cross_section, scene.restitution), plan.grid.v)
     assert plan.deposit is not None
     return Inelastic(plan.grid.v, scene.cross_section, scene.restitution, plan.deposit)
+
+
+class _AtPoints:
+    """Operator (12) in Hermite functions, for f on velocity points."""
+
+    def __init__(self, operator: InelasticHermite, velocity: Array) -> None:
+        self.operator, self.velocity = operator, velocity
+        self.name, self.conserves = operator.name, operator.conserves
+        self._values = operator.basis.values(velocity)
+
+    def rate(self, f: Array) -> Array:
+        return self.operator.rate(self.operator.basis.coefficients(f, self.velocity)) @ self._values
 
 
 def initial_state(scene: Scene, grid: PhaseSpaceGrid, density: Array | None = None) -> Array:

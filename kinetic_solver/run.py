@@ -92,6 +92,11 @@ class Early:
         return step.lower(step.propagate(start, time))[:, factor // 2 :: factor]
 
 
+def _with_functions(coefficients: Array, count: int) -> Array:
+    """As many Hermite functions, those that are added with coefficient 0."""
+    return np.pad(coefficients, ((0, 0), (0, max(0, count - coefficients.shape[1]))))[:, :count]
+
+
 class _Smaller(Exception):
     """Signals that a run should go on, from a state that is good, on a smaller grid."""
 
@@ -196,7 +201,7 @@ class Run:
             self._state = self._stepper.advance(
                 self._state, end - start, lambda f, elapsed: self._observe(f, start, elapsed, end)
             )
-            self._diagnostics = self._monitor.check(self._f, end, self._density_defect())
+            self._diagnostics = self._checked(end)
             return end
         except _Smaller as smaller:
             self._change(dataclasses.replace(self.plan, grid=smaller.grid), carried=True)
@@ -221,7 +226,7 @@ class Run:
             self._progress(self.plan.frame.place(now).time, self.plan.scene.run.end_time)
         if now == end or not (self._exact or next(self._count) % CHECK_EVERY == 0):
             return
-        diagnostics = self._monitor.check(self._f, now, self._density_defect())
+        diagnostics = self._checked(now)
         if isinstance(self._stepper, ExactSteps) and not self._stepper.chained:
             return
         good = (now, state, self._ledger.mark() if self._ledger is not None else None)
@@ -251,6 +256,16 @@ class Run:
         self._state = self._stepper.advance(self._state, self._behind, watch)
         self._behind = 0.0
 
+    def _checked(self, now: float) -> dict[str, float]:
+        """The monitor's diagnostics; whether the Hermite functions are enough is looked at here."""
+        diagnostics = self._monitor.check(self._f, now, self._density_defect())
+        rtol, size = self.plan.inner.accuracy.rtol, np.abs(self._state).max(axis=0)
+        if self.plan.velocity == "hermite" and self._free("nv") and (tail := size[-2:].max() / size.max()) > rtol / 10:
+            when = self._between(now, now)
+            text = f"{when}: the last Hermite functions carry {tail:.2g} of f; raise grid.nv (accuracy.rtol = {rtol:g})"
+            raise Unresolved(text, "nv", float(tail))
+        return diagnostics
+
     def _density_defect(self) -> float:
         """Of steps on velocity points; that of the Hermite step is no measure of f's error after a long step."""
         step = self._stepper.step if isinstance(self._stepper, ExactSteps) else None
@@ -263,7 +278,9 @@ class Run:
         given, points = self.plan.inner.grid, self.plan.velocity != "hermite"
         if what == "nx":
             return given.nx is None and self.plan.grid.nx > 1
-        return points and given.nv is None and (what == "nv" or given.velocity_window is None)
+        if what == "nv":
+            return given.nv is None
+        return points and given.nv is None and given.velocity_window is None
 
     def _suspect(self) -> str:
         """What to make larger where steps cannot meet their tolerance: the window, if f reaches its edges, else nv."""
@@ -348,7 +365,7 @@ class Run:
             self._state = self._representation.start()
         else:
             points = plan.velocity != "hermite"
-            self._state = regrid(state, old.grid, grid) if points else resize(state, grid.nx)
+            self._state = regrid(state, old.grid, grid) if points else _with_functions(resize(state, grid.nx), grid.nv)
         self._f = self._representation.points(self._state)
 
     def _smaller(self) -> PhaseSpaceGrid | None:
@@ -368,7 +385,7 @@ class Run:
             needed = np.searchsorted(grid.faces, [low, high])
             first, last = max(0, min(held[0], needed[0] - 1)), min(grid.nv, max(held[-1] + 1, needed[1]))
             new = dataclasses.replace(new, nv=last - first, low=grid.faces[first], high=grid.faces[last])
-        if self._free("nv") and not self._exact and "nv" not in self._tried:
+        if self._free("nv") and not self._exact and plan.velocity != "hermite" and "nv" not in self._tried:
             nv = self._estimate.enough_velocities(f, self._now, self._operator)
             new = dataclasses.replace(new, nv=min(new.nv, max(16, math.ceil(new.nv * nv / grid.nv))))
         return new if WORTH_SHRINKING * new.nx * new.nv <= grid.nx * grid.nv else None

@@ -7,7 +7,7 @@ from typing import Protocol
 from kinetic_solver.arrays import Array
 
 
-class CollisionOperator(Protocol):
+class CollisionRate(Protocol):
     """C[f] on velocity points, local in x; f has shape (nx, nv), v contiguous, and holds point values."""
 
     @property
@@ -21,6 +21,10 @@ class CollisionOperator(Protocol):
     def rate(self, f: Array) -> Array:
         """C[f] = ∂f/∂t by collisions."""
         ...
+
+
+class CollisionOperator(CollisionRate, Protocol):
+    """That, and the substep."""
 
     def __call__(self, f: Array, dt: float) -> Array:
         """f after dt of collisions alone."""
