@@ -33,12 +33,11 @@ class Ledger:
         self.frame = frame
         self.model = frame.model
         self.operator = operator
-        self.initial = np.array(frame.place(0.0).totals(totals(grid, f)))
         self._nodes: list[tuple[float, Array, Array]] = []
         self._booked = 0
         self._integral: Array = np.zeros(4)
         self._exact = False
-        self.step(0.0, f)
+        self.start(f)
         self.brought = {
             "momentum_from_gravity": 0.0,
             "momentum_from_friction": 0.0,
@@ -48,6 +47,12 @@ class Ledger:
             "energy_from_noise": 0.0,
             "energy_from_collisions": 0.0,
         }
+
+    def start(self, f: Array) -> None:
+        """The state at time 0."""
+        self.initial = np.array(self.frame.place(0.0).totals(totals(self.grid, f)))
+        self._nodes.clear()
+        self.step(0.0, f)
 
     def step(self, clock: float, f: Array) -> None:
         """A step has ended when the frame's clock shows this."""

@@ -61,15 +61,12 @@ class ErrorEstimate:
         self, state: Array, f: Array, clock: float, diagnostics: dict[str, float], operator: CollisionRate | None
     ) -> dict[str, float]:
         """All parts, and `error_estimate`, their sum."""
-        if clock == 0:
-            now = dict.fromkeys(PARTS, 0.0)
-        else:
-            now = {
-                "error_x": self._of_x(f, diagnostics),
-                "error_v": self._of_v(state, f, clock, operator),
-                "error_window": max(diagnostics["edge_error_low"], diagnostics["edge_error_high"]),
-            }
+        now = {"error_window": max(diagnostics["edge_error_low"], diagnostics["edge_error_high"])}
+        if clock > 0:
+            now |= {"error_x": self._of_x(f, diagnostics), "error_v": self._of_v(state, f, clock, operator)}
         self._parts = {name: max(self._parts[name], now.get(name, 0.0)) for name in PARTS}
+        if clock == 0:
+            return dict.fromkeys(("error_estimate", *PARTS), 0.0)  # what is shown then is the start itself
         self._parts["error_time"] = self._of_steps if clock > 0 else 0.0
         return {"error_estimate": sum(self._parts.values()), **self._parts}
 
@@ -87,7 +84,7 @@ class ErrorEstimate:
         nv, rtol = self.plan.grid.nv, self.plan.inner.accuracy.rtol
         if not isinstance(operator, Inelastic) or self._finite_volumes:
             return nv
-        error = self._of_deposits(f, operator) * self._acting(self.plan.inner.run.end_time)
+        error = self.of_deposits(f, self.plan.inner.run.end_time, operator)
         order = POINTS[operator.deposit]
         by_deposit = nv * (error / (0.1 * rtol)) ** (1 / order) if error > 0 else 0.0
         amplitude = np.abs(np.fft.rfft(f, axis=1)).max(axis=0)
@@ -113,7 +110,7 @@ class ErrorEstimate:
             order = FINITE_VOLUME_ERROR[self.plan.drift_diffusion][1]
             error += self._finite_volumes * self.plan.grid.dv**order
         if isinstance(operator, Inelastic):
-            error += self._of_deposits(f, operator) * self._acting(clock)
+            error += self.of_deposits(f, clock, operator)
         return error
 
     def shortest_waves(self, f: Array) -> float:
@@ -125,10 +122,10 @@ class ErrorEstimate:
         """How long an error of the collision rate adds up: collisions as well as friction forget it."""
         return min(time, 1 / (self.plan.inner.model.friction + self._collision_rate))
 
-    def _of_deposits(self, f: Array, operator: Inelastic) -> float:
-        """max|ΔC|/max f, ΔC the difference that twice as many points in v make."""
+    def of_deposits(self, f: Array, clock: float, operator: Inelastic) -> float:
+        """max|ΔC|/max f, ΔC the difference that twice as many points in v make, times how long it acts."""
         nv = f.shape[1]
         half_cells = (1 / nv - 1 / (2 * nv)) / 2
         finer = resize(f, 2 * nv, axis=1, shift=half_cells)
         rate = resize(operator.on(2 * nv).rate(finer), nv, axis=1, shift=-half_cells)
-        return float(np.abs(operator.rate(f) - rate).max() / f.max())
+        return float(np.abs(operator.rate(f) - rate).max() / f.max()) * self._acting(clock)

@@ -143,7 +143,7 @@ class Monitor:
 
     def _spectral_tail(self, f: Array) -> float:
         """The largest |f_k(v)| in the highest eighth of wavenumbers over the largest of all; 0 where modes do not couple."""
-        if self.plan.grid.nx < 8 or self.plan.inner.operator is None:
+        if self.plan.grid.nx < 3 or self.plan.inner.operator is None:
             return 0.0
         amplitude = np.abs(np.fft.rfft(f, axis=0)).max(axis=1)
         first = len(amplitude) - max(1, len(amplitude) // 8)

@@ -103,6 +103,7 @@ def _make_plan(scene: Scene, reasons: dict[str, str]) -> Plan:
     if frame.moving:
         reasons.clear()
         rules = Rules(scene, reasons, times)
+        rules.lab_friction = lab.model.friction
     velocity, stepping = rules.velocity(), rules.stepping()
     window = scene.grid.velocity_window or rules.window()
     deposit = rules.deposit()

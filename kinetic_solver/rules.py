@@ -56,6 +56,8 @@ class Rules:
         self.scene, self.reasons = scene, reasons
         self.times = frame_times(scene) if times is None else times
         """When anything is written, by the clock of the scene's frame of reference."""
+        self.lab_friction = scene.model.friction
+        """That of the laboratory, which a noiseless frame takes out."""
         self.rtol = scene.accuracy.rtol
         self.tail = math.sqrt(2 * math.log(40 / self.rtol))
         """Standard deviations at which a Gaussian is rtol/40 of its maximum; a cell further in, a few times more."""
@@ -212,6 +214,14 @@ class Rules:
             return "finite-volume-8" if self._weak_noise_spacing() > 4 * kernel else "kernel"
         return given or "kernel"
 
+    def _off_equilibrium(self) -> float:
+        """Differences are taken of f/M, M the Maxwellian of variance σ: by how much more they err where f is hotter or displaced
+        (measured: θ0 up to 8σ, 2.5√σ off)."""
+        model, state = self.scene.model, homogeneous_state(self.scene) if self.scene.operator == FOLLOW_LEADER else None
+        mean = state.mean_velocity if state is not None else model.gravity / model.friction
+        displaced = max(abs(float(self.u.min()) - mean), abs(float(self.u.max()) - mean)) / math.sqrt(model.noise)
+        return max(1.0, self.theta_max / model.noise) ** 3 * math.exp(min(displaced, 4.0))
+
     def _weak_noise_spacing(self) -> float:
         """For finite volumes in the kernel's place: of order 8 in the whole window (velocity/finite_volume.py, steep faces)."""
         model = self.scene.model
@@ -222,6 +232,8 @@ class Rules:
         """The dv at which the finite volumes' error is rtol; it adds up over a quarter of a relaxation time."""
         coefficient, order = FINITE_VOLUME_ERROR[name]
         coefficient *= self.tail_weight() * min(1.0, 4 * self.scene.model.friction * self.end)
+        if order == 8:
+            coefficient *= self._off_equilibrium()
         return math.sqrt(self.scene.model.noise) * (self.rtol / coefficient) ** (1 / order)
 
     def time_step(self, stepping: str, velocity: str, window: tuple[float, float]) -> float | None:
@@ -267,7 +279,7 @@ class Rules:
 
     def budget_step(self) -> float:
         """At which the budgets' integrals in time, quintic splines, are good to about 1e-6 of what the terms bring."""
-        return 0.25 / max(self.scene.model.friction + self.collision_rate(), 0.25 / self.end)
+        return 0.25 / max(self.lab_friction + self.collision_rate(), 0.25 / self.end)
 
     def farthest_exact_step(self) -> float:
         """Within an exact step are states that friction has not yet acted on: collisions may move them by a few √θ."""

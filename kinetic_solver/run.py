@@ -19,6 +19,7 @@ import numpy as np
 
 from kinetic_solver.arrays import Array
 from kinetic_solver.budgets import Ledger
+from kinetic_solver.collisions import Inelastic
 from kinetic_solver.estimate import ErrorEstimate
 from kinetic_solver.frames import Frames
 from kinetic_solver.grid import PhaseSpaceGrid
@@ -264,7 +265,22 @@ class Run:
             when = self._between(now, now)
             text = f"{when}: the last Hermite functions carry {tail:.2g} of f; raise grid.nv (accuracy.rtol = {rtol:g})"
             raise Unresolved(text, "nv", float(tail))
+        if self._free("low"):  # an edge that cuts f, as a given window's may, has short waves of its own
+            self._check_spacing(now)
         return diagnostics
+
+    def _check_spacing(self, now: float) -> None:
+        """Whether dv is fine enough, by estimates that are a few times larger than the errors they stand for."""
+        rtol = self.plan.inner.accuracy.rtol
+        error = self._estimate.shortest_waves(self._f) / 3
+        if isinstance(self._operator, Inelastic):
+            noisy = self.plan.inner.model.friction * self.plan.inner.model.noise > 0
+            error = max(error, self._estimate.of_deposits(self._f, now, self._operator) / (5 if noisy else 1.5))
+        if error > rtol:
+            text = (
+                f"{self._between(now, now)}: the spacing in v is too coarse by an estimated {error:.2g} of max f; raise grid.nv"
+            )
+            raise Unresolved(f"{text} (accuracy.rtol = {rtol:g})", "nv", error)
 
     def _density_defect(self) -> float:
         """Of steps on velocity points; that of the Hermite step is no measure of f's error after a long step."""
@@ -367,6 +383,8 @@ class Run:
             points = plan.velocity != "hermite"
             self._state = regrid(state, old.grid, grid) if points else _with_functions(resize(state, grid.nx), grid.nv)
         self._f = self._representation.points(self._state)
+        if self._ledger is not None and self._now == 0:
+            self._ledger.start(self._f)
 
     def _smaller(self) -> PhaseSpaceGrid | None:
         """A grid that would still hold f, where it is worth going over to it. What was once too small is not made smaller."""

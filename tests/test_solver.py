@@ -37,7 +37,7 @@ def test_mass_over_ten_thousand_steps(make_scene: MakeScene, operator: dict[str,
     scene = make_scene(
         collisions=operator,
         run={"end_time": 1000.0, "output_every": 250.0},
-        grid={"nx": 5, "nv": 32, "velocity_window": (-6.0, 8.0), "time_step": 0.1, **scheme},
+        grid={"nx": 9, "nv": 32, "velocity_window": (-6.0, 8.0), "time_step": 0.1, **scheme},
         accuracy={"rtol": 1e-1},
         output={"f": False, "budgets": False},
     )

@@ -142,27 +142,29 @@ def test_what_rtol_chooses(collisions: str, refined: xr.Dataset) -> None:
     assert estimate > error or error < 1e-4
 
 
-KNOWN = [
+HARDER = [
     pytest.param({"drift_diffusion": "finite-volume-8"}, id="(6), finite volumes of order 8 from a hot start"),
     pytest.param({"stepping": "strang", "time_step": 0.02}, id="(6), Strang, on nv for finite volumes of order 8"),
-    pytest.param({"stepping": "extrapolated", "nv": 32}, id="(6), extrapolated, given nv: finite volumes in the kernel's place"),
     pytest.param({"stepping": "extrapolated", "nx": 5}, id="(6), fewer than 8 points in x"),
+    pytest.param(
+        {"stepping": "extrapolated", "nv": 32},
+        id="(6), extrapolated, given nv: finite volumes in the kernel's place",
+        marks=pytest.mark.xfail(
+            reason="the steps are too short for dv to resolve the kernel: warned of, not counted", strict=True
+        ),
+    ),
 ]
 
 
-@pytest.mark.parametrize("grid", KNOWN)
-@pytest.mark.xfail(
-    reason="order-8 finite volumes err by f/M's steepness, not by dv/√σ; no waves are watched for nx < 8", strict=True
-)
-def test_known_to_be_too_small(grid: dict[str, Any]) -> None:
-    """Errors of 3e-3 to 8e-2 where the estimate says a twentieth or less."""
+@pytest.mark.parametrize("grid", HARDER)
+def test_not_too_small(grid: dict[str, Any]) -> None:
+    """Where the error is least like what the estimate looks at."""
     error, found = error_and_run(scene_of(FOLLOW, {"grid": grid}))
-    assert float(found["error_estimate"].max()) > TOO_LOW * error
+    assert float(found["error_estimate"].max()) > TOO_LOW * error or error < 1e-4
 
 
 @pytest.mark.parametrize("grid", [{"nx": 5}, {"nx": 7}, {"velocity_window": (-3.2, 3.8)}])
-@pytest.mark.xfail(reason="no waves are watched for nx < 8; f cut off at time 0 is not counted", strict=True)
-def test_operator_12_known_to_be_too_small(grid: dict[str, Any], refined: xr.Dataset) -> None:
+def test_operator_12_not_too_small(grid: dict[str, Any], refined: xr.Dataset) -> None:
     """Errors of 2e-3 to 9e-3, of which the estimate says a hundredth to a fifth."""
     error, found = error_and_run(scene_of(INELASTIC, {"grid": grid}), refined)
     assert float(found["error_estimate"].max()) > TOO_LOW * error
