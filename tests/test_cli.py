@@ -95,6 +95,19 @@ def test_run_info_plot_and_overwriting(folder: Path) -> None:
     assert cli("plot", "scene.nc", "--times", "a,b", folder=folder).returncode == 2
 
 
+def test_certify(folder: Path) -> None:
+    result = cli("run", "scene.toml", "-o", "sure.nc", "--certify", folder=folder)
+    assert result.returncode == 0
+    assert re.search(r"certified: error \S+ ± \S+, within rtol = 0.0001\nwrote sure.nc\n", result.stdout)
+    with xr.open_dataset(folder / "sure.nc") as dataset:
+        assert dataset["f_error"].dims == ("time", "x", "v")
+        assert float(dataset["certified_error"].max()) < 1e-4
+        assert dataset.attrs["certified_fields"].split() == ["f", "density", "mean_velocity", "temperature"]
+    assert "certified" in cli("info", "sure.nc", folder=folder).stdout
+    refused = cli("run", "scene.toml", "-o", "other.nc", "--certify", "--method", "exact", folder=folder)
+    assert (refused.returncode, "--certify" in refused.stderr) == (2, True)
+
+
 def test_the_exact_method(folder: Path) -> None:
     assert cli("run", "scene.toml", "--method", "exact", "-o", "exact.nc", folder=folder).returncode == 0
     with xr.open_dataset(folder / "exact.nc") as dataset:
