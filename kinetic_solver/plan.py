@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -110,9 +110,9 @@ def _make_plan(scene: Scene, reasons: dict[str, str]) -> Plan:
     drift_diffusion = rules.drift_diffusion()
     time_step = rules.time_step(stepping, velocity, window)
     if velocity == "hermite":
-        nv = scene.grid.nv or rules.hermite_count()
+        nv = shown = scene.grid.nv or rules.hermite_count()
     else:
-        nv = scene.grid.nv or rules.nv(window, stepping, time_step, deposit, drift_diffusion)
+        nv = shown = scene.grid.nv or rules.nv(window, stepping, time_step, deposit, drift_diffusion)
         if rules.hermite_pays(nv):
             velocity, nv = "hermite", rules.hermite_count()
     nx = scene.grid.nx or rules.nx()
@@ -124,7 +124,7 @@ def _make_plan(scene: Scene, reasons: dict[str, str]) -> Plan:
         rules.warn_of_a_long_strang_step()
         rules.warn_of_an_unresolved_kernel(grid, time_step, drift_diffusion)
     steps, share = rules.expected_steps(stepping, time_step), rules.error_share()
-    output = _output_grid(grid, frame, times, lab)
+    output = _output_grid(replace(grid, nv=shown), frame, times, lab)
     plan = Plan(
         lab, frame, scene, times, grid, output, velocity, stepping, time_step, shortest, drift_diffusion, deposit, steps, share,
         reasons,

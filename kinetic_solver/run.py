@@ -159,7 +159,7 @@ class Run:
         except SolverStopped as stop:
             raise SceneError(str(stop)) from None
         # The start is known on the output's grid. A step in the density is shown as it is, not as the solver can carry it.
-        known = plan.frame.moving or plan.scene.initial.step is not None
+        known = plan.grid != plan.output or plan.frame.moving or plan.scene.initial.step is not None
         self._write(0.0, initial_state(plan.scene, plan.output) if known else None)
         times = plan.times.tolist()
         for time, start, end in zip(frame_times(plan.scene)[1:].tolist(), times, times[1:], strict=False):
