@@ -14,6 +14,9 @@ from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.moments import totals
 from kinetic_solver.velocity.ornstein_uhlenbeck import transition
 
+Totals = tuple[float, float, float]
+"""Mass, momentum, energy."""
+
 
 class Ledger:
     """Books what each term of (2) brings to momentum and energy, from the run's states at the ends of its steps.
@@ -27,7 +30,9 @@ class Ledger:
 
     HISTORY = 6
 
-    def __init__(self, grid: PhaseSpaceGrid, frame: Frame, operator: CollisionRate | None, f: Array) -> None:
+    def __init__(
+        self, grid: PhaseSpaceGrid, frame: Frame, operator: CollisionRate | None, f: Array, total: Totals | None = None
+    ) -> None:
         self.grid = grid
         """Of the states to come; like `operator` it may be exchanged."""
         self.frame = frame
@@ -37,7 +42,7 @@ class Ledger:
         self._booked = 0
         self._integral: Array = np.zeros(4)
         self._exact = False
-        self.start(f)
+        self.start(f, total)
         self.brought = {
             "momentum_from_gravity": 0.0,
             "momentum_from_friction": 0.0,
@@ -48,16 +53,17 @@ class Ledger:
             "energy_from_collisions": 0.0,
         }
 
-    def start(self, f: Array) -> None:
+    def start(self, f: Array, total: Totals | None = None) -> None:
         """The state at time 0."""
-        self.initial = np.array(self.frame.place(0.0).totals(totals(self.grid, f)))
         self._nodes.clear()
-        self.step(0.0, f)
+        self.step(0.0, f, total)
+        self.initial = self._nodes[0][1]
 
-    def step(self, clock: float, f: Array) -> None:
-        """A step has ended when the frame's clock shows this."""
+    def step(self, clock: float, f: Array, total: Totals | None = None) -> None:
+        """A step has ended when the frame's clock shows this. `total`, where not to be summed from f: mass, momentum, energy."""
         place = self.frame.place(clock)
-        self._nodes.append((place.time, np.array(place.totals(totals(self.grid, f))), self._collisions(f, place)))
+        here = np.array(place.totals(total or totals(self.grid, f)))
+        self._nodes.append((place.time, here, self._collisions(f, place)))
 
     def over(self, state_at: Callable[[float], Array], start: float, end: float) -> None:
         """Integrate over a step, by the frame's clock, whose f is known at any time."""

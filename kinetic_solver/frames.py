@@ -12,7 +12,7 @@ from kinetic_solver.budgets import Ledger
 from kinetic_solver.collisions.protocol import CollisionRate
 from kinetic_solver.frame import Place
 from kinetic_solver.grid import PhaseSpaceGrid
-from kinetic_solver.moments import moment_equations, moments, totals
+from kinetic_solver.moments import moment_equations, moments
 from kinetic_solver.output import Recorder
 from kinetic_solver.plan import Plan
 from kinetic_solver.regrid import ToOutput
@@ -35,6 +35,7 @@ class Frames:
         grid: PhaseSpaceGrid,
         place: Place,
         f: Array,
+        total: tuple[float, float, float],
         operator: CollisionRate | None,
         diagnostics: dict[str, float],
         shown: Array | None = None,
@@ -65,7 +66,7 @@ class Frames:
                 "velocity_distribution": in_lab.sum(axis=0) * out.dx,
             }
         if "scalars" in due:
-            mass, momentum, energy = place.totals(totals(grid, f))
+            mass, momentum, energy = place.totals(total)
             frame["scalars"] = {"mass": mass, "momentum": momentum, "energy": energy, **diagnostics}
         if "budgets" in due and self.ledger is not None:
             frame["budgets"] = self.ledger.record()

@@ -15,6 +15,7 @@ from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.homogeneous import homogeneous_state, start_state
 from kinetic_solver.linear import HermiteLinearStep, LinearStep
 from kinetic_solver.linearised import GridLinearisedStep, HermiteLinearisedStep
+from kinetic_solver.moments import totals
 from kinetic_solver.plan import Plan
 from kinetic_solver.scene import FOLLOW_LEADER, Scene
 from kinetic_solver.stepping import BaseMethod, Substep, lawson, strang
@@ -31,6 +32,10 @@ class Representation(Protocol):
 
     def points(self, state: Array) -> Array:
         """f at the grid's points, (nx, nv)."""
+        ...
+
+    def totals(self, state: Array) -> tuple[float, float, float]:
+        """(mass, momentum, energy)."""
         ...
 
     @property
@@ -64,6 +69,9 @@ class VelocityPoints:
 
     def points(self, state: Array) -> Array:
         return state
+
+    def totals(self, state: Array) -> tuple[float, float, float]:
+        return totals(self.plan.grid, state)
 
     def linearised(self, tolerance: float) -> GridLinearisedStep:
         scene, grid = self.plan.inner, self.plan.grid
@@ -113,6 +121,9 @@ class HermiteCoefficients:
 
     def points(self, state: Array) -> Array:
         return state @ self._values
+
+    def totals(self, state: Array) -> tuple[float, float, float]:
+        return self.basis.totals(state, self.plan.grid.dx)
 
     def linearised(self, tolerance: float) -> HermiteLinearisedStep:
         grid, scene = self.plan.grid, self.plan.inner

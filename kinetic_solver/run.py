@@ -133,7 +133,7 @@ class Run:
         self._state = self._representation.start()
         self._f = self._representation.points(self._state)
         if plan.scene.output.budgets is not False:
-            self._ledger = Ledger(plan.grid, plan.frame, self._operator, self._f)
+            self._ledger = Ledger(plan.grid, plan.frame, self._operator, self._f, self._representation.totals(self._state))
         self._frames = Frames(plan, recorder, self._ledger)
         self._count, self._looks = itertools.count(1), itertools.count()
         self._now = 0.0
@@ -190,7 +190,16 @@ class Run:
         clock = self._now
         parts = self._estimate.parts(self._state, self._f, clock, self._diagnostics, self._operator)
         values = {**self._diagnostics, **parts}
-        self._frames.write(time, self.plan.grid, self.plan.frame.place(clock), self._f, self._operator, values, shown)
+        self._frames.write(
+            time,
+            self.plan.grid,
+            self.plan.frame.place(clock),
+            self._f,
+            self._representation.totals(self._state),
+            self._operator,
+            values,
+            shown,
+        )
 
     def _attempt(self, start: float, end: float) -> float:
         """Advance to `end`, or to where the grid changes; returns the time of the good state reached."""
@@ -219,7 +228,7 @@ class Run:
         self._f = self._representation.points(state)
         self._monitor.finite(self._f, now)
         if self._ledger is not None:
-            self._ledger.step(now, self._f)
+            self._ledger.step(now, self._f, self._representation.totals(state))
         if isinstance(self._stepper, Controlled):
             self._estimate.step(self._stepper.error - self._error, self._step, self._f)
             self._error = self._stepper.error
@@ -384,7 +393,7 @@ class Run:
             self._state = regrid(state, old.grid, grid) if points else _with_functions(resize(state, grid.nx), grid.nv)
         self._f = self._representation.points(self._state)
         if self._ledger is not None and self._now == 0:
-            self._ledger.start(self._f)
+            self._ledger.start(self._f, self._representation.totals(self._state))
 
     def _smaller(self) -> PhaseSpaceGrid | None:
         """A grid that would still hold f, where it is worth going over to it. What was once too small is not made smaller."""
