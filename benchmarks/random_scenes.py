@@ -33,7 +33,7 @@ FOLLOW_LEADER_SEEDS, INELASTIC_SEEDS = range(20), range(10)
 FIELDS = ("f", "density", "mean_velocity", "temperature")
 LEAST_RTOL = 1e-10
 """That a scene may have."""
-LONGEST = 60.0
+LONGEST = 15.0
 """Seconds that a run of (12) at 1e-8 may be expected to take."""
 SLOWER = 25
 """How many times as long as at 1e-6 a run of (12) takes at 1e-8, in benchmarks/accuracy_cost.py."""

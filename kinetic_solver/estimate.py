@@ -80,15 +80,16 @@ class ErrorEstimate:
         return f"{PARTS[name]}: {self._parts[name]:.2g} of max f"
 
     def enough_velocities(self, f: Array, clock: float, operator: CollisionRate | None) -> int:
-        """The nv, on the same window, with which the collision rate and f's waves in v would still be good to a tenth of rtol."""
+        """The nv, on the same window, with which the collision rate would be good to a twentieth of rtol, and f's waves to a
+        fortieth."""
         nv, rtol = self.plan.grid.nv, self.plan.inner.accuracy.rtol
         if not isinstance(operator, Inelastic) or self._finite_volumes:
             return nv
         error = self.of_deposits(f, self.plan.inner.run.end_time, operator)
         order = POINTS[operator.deposit]
-        by_deposit = nv * (error / (0.1 * rtol)) ** (1 / order) if error > 0 else 0.0
+        by_deposit = nv * (error / (0.05 * rtol)) ** (1 / order) if error > 0 else 0.0
         amplitude = np.abs(np.fft.rfft(f, axis=1)).max(axis=0)
-        waves = int(np.flatnonzero(amplitude > rtol / 10 * amplitude.max())[-1])
+        waves = int(np.flatnonzero(amplitude > rtol / 40 * amplitude.max())[-1])
         return min(nv, max(math.ceil(by_deposit), 2 * waves + 4))
 
     def _of_x(self, f: Array, diagnostics: dict[str, float]) -> float:
@@ -113,10 +114,10 @@ class ErrorEstimate:
             error += self.of_deposits(f, clock, operator)
         return error
 
-    def shortest_waves(self, f: Array) -> float:
-        """The amplitude of the shortest waves in v over the largest of all."""
+    def shortest_waves(self, f: Array, share: float = 0.0) -> float:
+        """The amplitude of the shortest waves in v, this share of them but at least two, over the largest of all."""
         amplitude = np.abs(np.fft.rfft(f, axis=1)).max(axis=0)
-        return float(amplitude[-2:].max() / amplitude.max())
+        return float(amplitude[-max(2, int(share * amplitude.size)) :].max() / amplitude.max())
 
     def _acting(self, time: float) -> float:
         """How long an error of the collision rate adds up: collisions as well as friction forget it."""

@@ -177,6 +177,12 @@ class Run:
     def _exact(self) -> bool:
         return isinstance(self._stepper, ExactSteps)
 
+    @property
+    def _mixing(self) -> bool:
+        """Without noise free motion makes ever shorter waves in v, which may pass the shortest that dv holds in a few steps."""
+        scene = self.plan.inner
+        return scene.operator == INELASTIC and scene.model.friction * scene.model.noise == 0
+
     def _build(self, plan: Plan) -> None:
         self.plan = self._monitor.plan = self._estimate.plan = plan
         self._operator = collision_operator(plan)
@@ -234,7 +240,8 @@ class Run:
             self._error = self._stepper.error
         if self._progress is not None:
             self._progress(self.plan.frame.place(now).time, self.plan.scene.run.end_time)
-        if now == end or not (self._exact or next(self._count) % CHECK_EVERY == 0):
+        every = 1 if self._mixing else CHECK_EVERY
+        if now == end or not (self._exact or next(self._count) % every == 0):
             return
         diagnostics = self._checked(now)
         if isinstance(self._stepper, ExactSteps) and not self._stepper.chained:
@@ -281,10 +288,10 @@ class Run:
     def _check_spacing(self, now: float) -> None:
         """Whether dv is fine enough, by estimates that are a few times larger than the errors they stand for."""
         rtol = self.plan.inner.accuracy.rtol
-        error = self._estimate.shortest_waves(self._f) / 3
+        error = self._estimate.shortest_waves(self._f, 1 / 4 if self._mixing else 0.0) / 3
         if isinstance(self._operator, Inelastic):
-            noisy = self.plan.inner.model.friction * self.plan.inner.model.noise > 0
-            error = max(error, self._estimate.of_deposits(self._f, now, self._operator) / (5 if noisy else 1.5))
+            safety = 1.5 if self._mixing else 5
+            error = max(error, self._estimate.of_deposits(self._f, now, self._operator) / safety)
         if error > rtol:
             text = (
                 f"{self._between(now, now)}: the spacing in v is too coarse by an estimated {error:.2g} of max f; raise grid.nv"
@@ -398,9 +405,8 @@ class Run:
     def _smaller(self) -> PhaseSpaceGrid | None:
         """A grid that would still hold f, where it is worth going over to it. What was once too small is not made smaller."""
         plan, grid, rtol, f = self.plan, self.plan.grid, self.plan.inner.accuracy.rtol, self._f
-        mixing = plan.inner.operator == INELASTIC and plan.inner.model.friction * plan.inner.model.noise == 0
-        if (plan.times[-1] - self._now) / self._step < LEFT or mixing:
-            return None  # without noise free motion makes ever shorter waves in v
+        if (plan.times[-1] - self._now) / self._step < LEFT or self._mixing:
+            return None
         new, rules = grid, self._rules
         if self._free("nx") and "nx" not in self._tried:
             waves = int(np.flatnonzero(self._monitor.waves(f, self._now) > rtol / 100)[-1])
