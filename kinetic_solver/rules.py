@@ -80,7 +80,8 @@ class Rules:
         self.theta_min = min(theta_least, theta_least * self.whole.decay**2 + self.whole.velocity_variance)
         if scene.operator == INELASTIC:
             state = _state_at_density(scene, self.rho_max)
-            self.theta_min = min(self.theta_min, self._haff(theta_least) if state is None else state.temperature)
+            # The densest place cools most: as without noise, but not below its own stationary state.
+            self.theta_min = min(self.theta_min, max(self._haff(theta_least), 0.0 if state is None else state.temperature))
 
     def _haff(self, theta: float) -> float:
         """The temperature at the end of free cooling at the largest density: √θ' = -γ√θ - Cρ θ, C = S(1 - ε²)/√π (Haff 1983)."""
