@@ -44,13 +44,14 @@ def certify(scene: Scene, run: xr.Dataset, say: Callable[[str], None] = lambda t
     """
     import xarray as xr
 
+    names = [name for name in FIELDS if name in run]
+    if not names:
+        raise SceneError("output: f and moments are both false; allowed with --certify: one of them at least")
     plan = make_plan(scene)
     truth = _solve(_refined(plan, 2), "everything refined twice", say)
     once = _solve(_refined(plan, 1), "everything refined once", say)
     fixed = _solve(_refined(plan, 0), "the grid of the run's start, fixed", say)
     coarser = {name: _try(_coarsened(plan, name), f"{name} coarsened", say) for name in DIRECTIONS}
-
-    names = [name for name in FIELDS if name in run]
     data: dict[str, Any] = {}
     for name in names:
         attrs = {"long_name": f"error bar of {run[name].attrs['long_name']}", "units": run[name].attrs["units"]}
@@ -125,7 +126,8 @@ def _fixed(plan: Plan, nx: int, nv: int, window: tuple[float, float], steps: flo
     elif plan.stepping != "exact" and plan.time_step is not None and inner.grid.time_step is not None:
         inner = inner.model_copy(update={"grid": given.model_copy(update={"time_step": plan.time_step / steps})})
     step = plan.time_step / steps if plan.time_step is not None and not plan.controlled else plan.time_step
-    scene = plan.scene.model_copy(update={"output": type(plan.scene.output)(scalars=False, budgets=False)})
+    quiet = plan.scene.output.model_copy(update={"scalars": False, "budgets": False, "moment_equations": False})
+    scene = plan.scene.model_copy(update={"output": quiet})
     return dataclasses.replace(plan, scene=scene, inner=inner, grid=grid, time_step=step, shortest_step=0.0)
 
 

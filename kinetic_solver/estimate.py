@@ -44,7 +44,7 @@ class ErrorEstimate:
         self._amplified = math.exp(0.3 * rules.amplification()) if plan.inner.operator == FOLLOW_LEADER else 1.0
         if plan.stepping == "strang" and plan.time_step is not None:
             self._of_steps = rules.strang_coefficient() * (rules.rate() * plan.time_step) ** 2
-        self._collision_rate = rules.collision_rate()
+        self._collision_rate = rules.collision_rate() * (1 - plan.inner.restitution**2)
         self._finite_volumes = 0.0
         if plan.velocity != "hermite" and plan.drift_diffusion != "kernel":
             order = FINITE_VOLUME_ERROR[plan.drift_diffusion][1]
@@ -120,7 +120,7 @@ class ErrorEstimate:
         return float(amplitude[-max(2, int(share * amplitude.size)) :].max() / amplitude.max())
 
     def _acting(self, time: float) -> float:
-        """How long an error of the collision rate adds up: collisions as well as friction forget it."""
+        """How long an error of the collision rate adds up: friction forgets it, and collisions, but for elastic ones."""
         return min(time, 1 / (self.plan.inner.model.friction + self._collision_rate))
 
     def of_deposits(self, f: Array, clock: float, operator: Inelastic) -> float:

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from typing import Protocol
 
+import numpy as np
+
 from kinetic_solver import initial
 from kinetic_solver.arrays import Array
 from kinetic_solver.collisions import FollowLeader, FollowLeaderHermite, Inelastic, InelasticHermite
@@ -65,7 +67,13 @@ class VelocityPoints:
 
     def start(self) -> Array:
         scene, grid = self.plan.inner, self.plan.grid
-        return initial_state(scene, grid, initial.resolved_density(scene, grid.x))
+        density = initial.resolved_density(scene, grid.x)
+        f = initial_state(scene, grid, density)
+        if scene.initial.file is not None:
+            return f
+        # The sum over any window is the density: so the mass is the same on whatever grid a run goes on.
+        summed = f.sum(axis=1) * grid.dv
+        return f * np.divide(density, summed, where=summed != 0, out=np.ones_like(summed))[:, None]
 
     def points(self, state: Array) -> Array:
         return state

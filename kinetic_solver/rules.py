@@ -80,8 +80,9 @@ class Rules:
         self.theta_min = min(theta_least, theta_least * self.whole.decay**2 + self.whole.velocity_variance)
         if scene.operator == INELASTIC:
             state = _state_at_density(scene, self.rho_max)
-            # The densest place cools most: as without noise, but not below its own stationary state.
-            self.theta_min = min(self.theta_min, max(self._haff(theta_least), 0.0 if state is None else state.temperature))
+            # The densest place cools most: as without noise, but not below its own stationary state. The gas does not stay
+            # Maxwellian, hence half of what Haff's law gives.
+            self.theta_min = min(self.theta_min, max(self._haff(theta_least) / 2, 0.0 if state is None else state.temperature))
 
     def _haff(self, theta: float) -> float:
         """The temperature at the end of free cooling at the largest density: √θ' = -γ√θ - Cρ θ, C = S(1 - ε²)/√π (Haff 1983)."""
@@ -555,14 +556,19 @@ class Rules:
 
     @functools.cached_property
     def _phase_mixing(self) -> float:
-        """The largest v-wavenumber at which free motion still leaves an amplitude of rtol/10 of the initial waves.
+        """That of the initial waves; without noise with a margin, since nothing smooths what is beyond it."""
+        noisy = self.scene.model.friction * self.scene.model.noise > 0
+        return self.mixing_to_come(*self._waves, float(self.theta.min()), self.end) * (1.0 if noisy else 1.1)
+
+    def mixing_to_come(self, k: Array, digits: Array, theta: float, left: float) -> float:
+        """The largest v-wavenumber at which free motion still leaves rtol/10 of waves k in x, of a gas of temperature θ, whose
+        amplitudes are e^digits times that, within the time that is left.
 
         f's joint characteristic function is Gaussian: at x-wavenumber k it has its peak at q = -kC/V with amplitude
         exp(-k²(D - C²/V)/2) and width V^(-1/2), where V, C, D are the (co)variances of velocity and displacement.
         """
-        k, digits = self._waves
-        worst, theta = 0.0, float(self.theta.min())
-        for t in np.linspace(0, self.end, 65)[1:]:
+        worst = 0.0
+        for t in np.linspace(0, left, 65)[1:]:
             step = transition(self.scene.model, float(t))
             e, b = step.decay, step.drift_time
             variance = theta * e * e + step.velocity_variance

@@ -290,7 +290,7 @@ class Run:
         rtol = self.plan.inner.accuracy.rtol
         error = self._estimate.shortest_waves(self._f, 1 / 4 if self._mixing else 0.0) / 3
         if isinstance(self._operator, Inelastic):
-            safety = 1.5 if self._mixing else 5
+            safety = 1.0 if self._mixing else 5
             error = max(error, self._estimate.of_deposits(self._f, now, self._operator) / safety)
         if error > rtol:
             text = (
@@ -420,6 +420,11 @@ class Run:
             new = dataclasses.replace(new, nv=last - first, low=grid.faces[first], high=grid.faces[last])
         if self._free("nv") and not self._exact and plan.velocity != "hermite" and "nv" not in self._tried:
             nv = self._estimate.enough_velocities(f, self._now, self._operator)
+            amplitude = self._monitor.waves(f, self._now)
+            alive = np.flatnonzero(amplitude > rtol / 10)
+            left, digits = float(plan.times[-1]) - self._now, np.log(10 * amplitude[alive] / rtol)
+            mixing = rules.mixing_to_come(grid.wavenumbers[alive], digits, rules.theta_min, left)
+            nv = max(nv, math.ceil((grid.high - grid.low) * mixing / math.pi))
             new = dataclasses.replace(new, nv=min(new.nv, max(16, math.ceil(new.nv * nv / grid.nv))))
         return new if WORTH_SHRINKING * new.nx * new.nv <= grid.nx * grid.nv else None
 
