@@ -5,7 +5,17 @@ from __future__ import annotations
 import subprocess
 import sys
 
-NAMES = ("collision_operator", "linear_step", "work_precision", "time_steppers", "live_file", "accuracy_rules")
+NAMES = (
+    "collision_operator",
+    "linear_step",
+    "work_precision",
+    "time_steppers",
+    "live_file",
+    "accuracy_rules",
+    "accuracy_cost",
+    "random_scenes",
+    "hard_cases",
+)
 
 if __name__ == "__main__":
     for name in NAMES:

@@ -32,6 +32,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from benchmarks.random_scenes import interpolation
 from kinetic_solver import Scene, SceneError, SolverStopped, exact, solve
 from kinetic_solver.arrays import Array
 from kinetic_solver.homogeneous import homogeneous_state, start_state
@@ -232,18 +233,6 @@ def refined(scene: Scene, run: xr.Dataset) -> xr.Dataset:
     f = along_x @ fine["f"].values @ along_v.T
     data = {"f": (run["f"].dims, f)} | {name: (run[name].dims, values) for name, values in fields.items()}
     return xr.Dataset(data, coords={name: run[name] for name in ("time", "x", "v")})
-
-
-def interpolation(old: Array, new: Array, period: float) -> Array:
-    """Matrix from values at `old`, uniform over one period, to those of their trigonometric interpolant at `new`."""
-    n = old.size
-    waves = np.arange(n // 2 + 1)
-    weight = np.full(waves.size, 2.0 / n)
-    weight[0] = 1.0 / n
-    if n % 2 == 0:
-        weight[-1] = 1.0 / n
-    angle = 2 * np.pi / period * waves
-    return np.asarray(((np.exp(1j * np.outer(new, angle)) * weight) @ np.exp(-1j * np.outer(angle, old))).real)
 
 
 def ratios(run: xr.Dataset, truth: xr.Dataset, rtol: float, vacuum: bool = False) -> dict[str, float]:

@@ -135,8 +135,8 @@ def finer_grid(run: xr.Dataset, finer: float = 1.4, widen: float = 0.1) -> dict[
 def at_points_of(run: xr.Dataset, fine: xr.Dataset, length: float) -> xr.Dataset:
     """The fields of `fine` at the run's points, by trigonometric interpolation, which is exact for what both grids hold."""
     v = fine["v"].values
-    along_x = _interpolation(fine["x"].values, run["x"].values, length)
-    along_v = _interpolation(v, run["v"].values, v.size * float(v[1] - v[0]))
+    along_x = interpolation(fine["x"].values, run["x"].values, length)
+    along_v = interpolation(v, run["v"].values, v.size * float(v[1] - v[0]))
     fields = {name: (run[name].dims, fine[name].values @ along_x.T) for name in FIELDS if name != "f"}
     fields["f"] = (run["f"].dims, along_x @ fine["f"].values @ along_v.T)
     return xr.Dataset(fields, coords={name: run[name] for name in ("time", "x", "v")})
@@ -150,7 +150,7 @@ def _odd(n: float) -> int:
     return count
 
 
-def _interpolation(old: Array, new: Array, period: float) -> Array:
+def interpolation(old: Array, new: Array, period: float) -> Array:
     """Matrix from values at `old`, uniform over one period, to those of their trigonometric interpolant at `new`."""
     n = old.size
     waves = np.arange(n // 2 + 1)

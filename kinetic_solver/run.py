@@ -29,10 +29,11 @@ from kinetic_solver.monitor import Monitor, SolverStopped, Unresolved
 from kinetic_solver.output import Recorder
 from kinetic_solver.plan import Plan, check_memory
 from kinetic_solver.regrid import regrid, resize, window_in_cells
-from kinetic_solver.representation import Representation, collision_operator, initial_state, make_representation
+from kinetic_solver.representation import collision_operator, initial_state, make_representation
 from kinetic_solver.rules import Rules, fast_odd, frame_times
 from kinetic_solver.scene import INELASTIC, SceneError
-from kinetic_solver.stepping import Controlled, ExactStep, ExactSteps, Extrapolated, LostAccuracy, Plain, Stepper, StepTooSmall
+from kinetic_solver.steppers import make_stepper
+from kinetic_solver.stepping import Controlled, ExactSteps, LostAccuracy, StepTooSmall
 
 Progress = Callable[[float, float], None]
 """Called as progress(time, end time)."""
@@ -46,51 +47,6 @@ MOST_GROWTH = 64
 WORTH_SHRINKING = 1.5
 """How many times fewer points make a change of grid worth its cost, where at least as many steps are left as LEFT."""
 LEFT = 6
-
-
-def make_stepper(plan: Plan, representation: Representation, limited: Callable[[float], bool] | None = None) -> Stepper:
-    """The stepper that the plan names."""
-    scene, rtol = plan.inner, plan.inner.accuracy.rtol
-    longest = math.inf if plan.time_step is None else plan.time_step
-    if scene.operator is None:
-        return ExactSteps(Plain(representation.linear))
-    base = representation.split()
-    if plan.stepping == "strang":
-        return Controlled(Extrapolated(base), lambda f: math.inf, fixed=plan.time_step)
-    method = Extrapolated(base, (1, 2, 3, 4), (2, 4, 6)) if plan.symmetric else Extrapolated(base, (1, 2), (4,))
-    share = plan.error_share * rtol / plan.memory_time
-
-    def tolerance(f: Array) -> float:
-        return share * float(np.abs(f).max())
-
-    if plan.stepping == "extrapolated":
-        return Controlled(method, tolerance, longest, scene.grid.time_step, limited)
-    step = representation.linearised(0.05 * rtol)
-    early = Early(plan) if plan.shortest_step > 0 and scene.initial.file is None else None
-    # Where nx is open, a finer grid is the better way out of a step that loses its accuracy.
-    fallback = Controlled(method, tolerance) if scene.grid.nx is not None else None
-    return ExactSteps(step, longest, plan.shortest_step, early, fallback)
-
-
-class Early:
-    """f at a time too short for the kernel on the plan's velocity points: one step on points three or nine times as dense,
-    on which the Maxwellian start is known as well."""
-
-    def __init__(self, plan: Plan) -> None:
-        self.plan = plan
-        self._finer: dict[int, tuple[ExactStep, Any]] = {}
-
-    def __call__(self, time: float) -> Array:
-        # The kernel's width goes as the square root of short times.
-        factor = next((n for n in (3, 9) if time * n**2 >= self.plan.shortest_step), 9)
-        if factor not in self._finer:
-            grid = dataclasses.replace(self.plan.grid, nv=self.plan.grid.nv * factor)
-            representation = make_representation(dataclasses.replace(self.plan, grid=grid))
-            step: ExactStep = representation.linearised(0.05 * self.plan.scene.accuracy.rtol)
-            self._finer[factor] = (step, step.lift(representation.start()))
-        step, start = self._finer[factor]
-        # Three or nine fine cells make one of the plan's, whose centre is the middle one's.
-        return step.lower(step.propagate(start, time))[:, factor // 2 :: factor]
 
 
 def _with_functions(coefficients: Array, count: int) -> Array:

@@ -20,7 +20,7 @@ LAYERS = [
     {"rules", "stability", "linearised", "frame"},
     {"plan", "regrid", "budgets"},
     {"monitor", "output", "representation", "estimate"},
-    {"frames"},
+    {"frames", "steppers"},
     {"run"},
     {"solver", "exact", "describe", "info", "plotting"},
     {"certification"},
