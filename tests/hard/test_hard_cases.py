@@ -13,7 +13,7 @@ from kinetic_solver import Scene, solve
 from kinetic_solver.homogeneous import homogeneous_state
 from kinetic_solver.scene import Output
 
-LIMIT = 15.0
+LIMIT = 60.0
 """Seconds that a run may take; its truth twice that."""
 BUDGETS = 1e-5
 """Of what the terms of a budget bring: what quadrature in time may leave at rtol = 1e-6; it knows nothing of rtol."""
