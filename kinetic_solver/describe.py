@@ -104,6 +104,7 @@ def _run(plan: Plan) -> list[Row]:
         return label, f"{text}   {reasons.get(key, 'as given')}"
 
     rows = [
+        ("frame", _frame(plan)),
         row("nx", f"{g.nx}", "nx"),
         row("nv", f"{g.nv}", "nv"),
         row("velocity window", f"[{g.low:.5g}, {g.high:.5g}]", "velocity_window"),
@@ -120,6 +121,14 @@ def _run(plan: Plan) -> list[Row]:
         ("memory", f"{plan.memory / 2**20:.3g} MiB"),
     ]
     return rows
+
+
+def _frame(plan: Plan) -> str:
+    if not plan.frame.moving:
+        return "at rest"
+    out = plan.output
+    what = "gravity and friction are" if plan.frame.noiseless else "gravity is"
+    return f"moving: {what} a change of coordinates; written for {out.nv} velocities on [{out.low:.5g}, {out.high:.5g}]"
 
 
 _VELOCITIES = {
