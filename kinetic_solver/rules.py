@@ -121,6 +121,10 @@ class Rules:
         slower = 2 * self.scene.cross_section * self.rho_max * math.sqrt(theta) * step.drift_time
         return min(means) - reach - (slower if self.scene.operator == FOLLOW_LEADER else 0.0), max(means) + reach
 
+    def noise_hardly_acts(self) -> bool:
+        """True where little of a relaxation time passes, or nothing is noisy: what free motion folds in v stays folded."""
+        return self.scene.model.noise == 0 or self.scene.model.friction * self.end < 0.1
+
     def shifted(self) -> bool:
         """True where velocities are shifted or contracted without noise: only in a frame at rest (frame.py)."""
         model = self.scene.model
@@ -382,7 +386,7 @@ class Rules:
                 bounds["the Ornstein-Uhlenbeck kernel of one step"] = max(kernel, enough)
         if deposit is not None:
             coefficient, order = DEPOSIT_ERROR[deposit]
-            if not noisy:
+            if self.noise_hardly_acts():
                 coefficient *= 3  # nothing smooths away what collects near dv
             relax = min(self.end, 1 / model.friction if model.friction > 0 else math.inf)
             gain = max(1.0, self.collision_rate() * relax)

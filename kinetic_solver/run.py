@@ -135,9 +135,9 @@ class Run:
 
     @property
     def _mixing(self) -> bool:
-        """Without noise free motion makes ever shorter waves in v, which may pass the shortest that dv holds in a few steps."""
-        scene = self.plan.inner
-        return scene.operator == INELASTIC and scene.model.friction * scene.model.noise == 0
+        """Where noise hardly acts, free motion makes ever shorter waves in v, which may pass the shortest that dv holds in a few
+        steps."""
+        return self.plan.inner.operator == INELASTIC and self._rules.noise_hardly_acts()
 
     def _build(self, plan: Plan) -> None:
         self.plan = self._monitor.plan = self._estimate.plan = plan
