@@ -38,10 +38,11 @@ from kinetic_solver.collisions import Inelastic
 from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.homogeneous import homogeneous_state
 from kinetic_solver.linear import LinearStep
+from kinetic_solver.monitor import SolverStopped
 from kinetic_solver.plan import make_plan
 from kinetic_solver.representation import initial_state, make_representation
 from kinetic_solver.scene import SceneError
-from kinetic_solver.solver import SolverStopped, make_stepper
+from kinetic_solver.steppers import make_stepper
 from kinetic_solver.stepping import Controlled, Extrapolated, LostAccuracy, Stepper, StepTooSmall, lawson
 from kinetic_solver.threads import one_blas_thread
 from kinetic_solver.velocity import OrnsteinUhlenbeckKernel
