@@ -1,5 +1,29 @@
-"""Linear theory of the homogeneous state."""
+"""Linear theory of the homogeneous state: what moment closures predict, what the kinetic equation does, what noise makes of it.
 
-from kinetic_solver.stability.closure import critical_density
+Shares no numerics with the grid solver, which is held against it (docs/stability.md).
+"""
 
-__all__ = ["critical_density"]
+from kinetic_solver.stability.amplification import (
+    apparent_critical_density,
+    density_gain,
+    structure_factor,
+    transient_growth,
+)
+from kinetic_solver.stability.closure import closure_rates, critical_collision_number, critical_density, figure_1
+from kinetic_solver.stability.spectrum import eigenfunction, growth_rates, homogeneous_distribution, kinetic_rates, spectrum
+
+__all__ = [
+    "apparent_critical_density",
+    "closure_rates",
+    "critical_collision_number",
+    "critical_density",
+    "density_gain",
+    "eigenfunction",
+    "figure_1",
+    "growth_rates",
+    "homogeneous_distribution",
+    "kinetic_rates",
+    "spectrum",
+    "structure_factor",
+    "transient_growth",
+]

@@ -1,49 +1,112 @@
-"""Moment closures of (2) with operator (6), linearised about the homogeneous state.
+"""Moment closures of (2), linearised about the homogeneous state: the paper's cubic, its critical density, and M moments.
 
-Their critical densities are properties of the closures. The kinetic equation that they close is linearly stable at every
-density (docs/theory.md, "Linear stability"; tests/exact/test_stability.py).
+A closure's critical density is a property of the closure. The kinetic equation that it closes is linearly stable at every
+density (docs/stability.md; tests/linear_theory/).
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kinetic_solver.scene import FOLLOW_LEADER, Scene
+from kinetic_solver.scene import FOLLOW_LEADER, INELASTIC, Scene
+from kinetic_solver.stability.units import stationary, wavenumber
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Complex = NDArray[np.complex128]
+
+SHORTEST = 7 * math.sqrt(3) / 9
+"""R*_c of three moments for k → ∞, the least of all modes: where the paper's ρ_c^min lies."""
+PAPERS_DENSITY = 12_000.0
+"""ρ_c^min as the paper prints it."""
+
+
+def closure_rates(scene: Scene, mode: int = 1) -> Complex:
+    """The three s of the closure (3)-(5) for waves exp(ikx + st) of mode n, the fastest growing first; the paper's α is -s.
+
+    (6): roots of s'³ + 3γs'² + (2γ² + 3k²σ - 3ikσSρ)s' + 2γ(k²σ - ikσSρ) = 0, s' = s + iku_h.
+    (12), with (14) for the collisions' energy loss (corrected by ρ², docs/theory.md) and θ the closure's own homogeneous
+    temperature, γ(θ - σ) + Cρθ^{3/2} = 0, C = S(1 - ε²)/√π, a = 2γ + 3Cρ√θ, b = 2Cρθ^{3/2}: roots of
+    s'³ + (γ + a)s'² + (aγ + 3k²θ)s' + k²(aθ - b) = 0, which by Routh and Hurwitz all decay, since γ > 0 and
+    aθ > b, 3k²θ(γ + a) > k²(aθ - b). Test: tests/linear_theory/test_closure.py.
+    Raises SceneError without friction and noise: there is no stationary state then.
+    """
+    stationary(scene)
+    gamma, sigma = scene.model.friction, scene.model.noise
+    k = wavenumber(scene, mode)
+    rate = scene.cross_section * scene.initial.density
+    if scene.operator == INELASTIC:
+        c = rate * (1 - scene.restitution**2) / math.sqrt(math.pi)
+        theta = closure_temperature(gamma, sigma, c)
+        a, b = 2 * gamma + 3 * c * math.sqrt(theta), 2 * c * theta**1.5
+        cubic = [1, gamma + a, a * gamma + 3 * k * k * theta, k * k * (a * theta - b)]
+        velocity = scene.model.gravity / gamma
+    else:
+        drag = rate if scene.operator else 0.0
+        wave, drive = k * k * sigma, 1j * k * sigma * drag
+        cubic = [1, 3 * gamma, 2 * gamma**2 + 3 * (wave - drive), 2 * gamma * (wave - drive)]
+        velocity = (scene.model.gravity - drag * sigma) / gamma
+    s = np.roots(np.array(cubic, dtype=complex)) - 1j * k * velocity
+    return s[np.argsort(-s.real)]
+
+
+def closure_temperature(gamma: float, sigma: float, c: float) -> float:
+    """θ with γ(θ - σ) + cθ^{3/2} = 0: the homogeneous temperature of (12) in the closure, the gas being taken for Maxwellian."""
+    from scipy.optimize import brentq
+
+    return float(brentq(lambda theta: gamma * (theta - sigma) + c * theta**1.5, 0.0, sigma, xtol=1e-300, rtol=1e-14))
 
 
 def critical_density(scene: Scene, mode: int = 1, moments: int = 3) -> float:
     """ρ_c at which mode n (k = 2πn/L) of the closure with `moments` Hermite moments turns unstable; inf where it never does.
 
-    Three moments are the paper's (3)-(5): from the marginal case s' = iω of the cubic
-    s'³ + 3γs'² + (2γ² + 3k²σ - 3ikσSρ)s' + 2γ(k²σ - ikσSρ) = 0 (docs/theory.md),
+    Three moments are the paper's (3)-(5): from the marginal case s' = iω of `closure_rates`,
     S ρ_c = ω(2γ² + 3k²σ - ω²)/(2γkσ), with ω² = [3k²σ + √(9k⁴σ² + (16/3)γ²k²σ)]/2, and R*_c → 7√3/9 for k → ∞.
-    Other numbers: the density at which an eigenvalue of `closure_generator` crosses the imaginary axis, to 1e-9.
+    Other numbers: `critical_collision_number`, to 1e-9.
     inf for operator (12), whose closure is stable, and without collisions, friction or noise.
-    Raises ValueError for mode < 1 or moments < 2.
+    Raises ValueError for mode < 1 or moments < 2. Test: tests/linear_theory/test_closure.py.
     """
-    if mode < 1:
-        raise ValueError(f"mode = {mode}: must be 1 or more")
     if moments < 2:
         raise ValueError(f"moments = {moments}: must be 2 or more")
+    k = wavenumber(scene, mode)
     gamma, sigma = scene.model.friction, scene.model.noise
     if scene.operator != FOLLOW_LEADER or gamma * sigma == 0:
         return math.inf
-    k = 2 * math.pi * mode / scene.pipe.length
     unit = gamma / (math.sqrt(sigma) * scene.cross_section)
     """The density at which R* = 1."""
+    return unit * critical_collision_number(k * math.sqrt(sigma) / gamma, moments)
+
+
+def critical_collision_number(wavenumber: float, moments: int = 3) -> float:
+    """R*_c of the closure of (2) with (6) that keeps M = `moments` Hermite moments, at k* = `wavenumber` (may be inf).
+
+    M = 3 is closed form for any k* (`critical_density`). k* = inf is closed form for any M: with x the positive zeros of He_M,
+
+        R*_c = min [x² + 2(M - 1)]/(3x),     at least and, for large M, (2/3)√(2(M - 1))     (docs/stability.md has the proof).
+
+    Otherwise the density at which an eigenvalue of `closure_generator` crosses the imaginary axis, to 1e-9.
+    """
+    if moments < 2:
+        raise ValueError(f"moments = {moments}: must be 2 or more")
+    if math.isinf(wavenumber):
+        x = np.polynomial.hermite_e.hermegauss(moments)[0]
+        x = x[x > 1e-8]
+        return float(((x * x + 2 * (moments - 1)) / (3 * x)).min())
     if moments != 3:
-        return unit * _critical_collision_number(k * math.sqrt(sigma) / gamma, moments)
-    a = k * k * sigma
-    w = (3 * a + math.sqrt(9 * a * a + 16 / 3 * gamma**2 * a)) / 2
-    # 2γ² + 3a - w without the cancellation of 3a against w at large k: w - 3a = (4/3)γ²a/w.
-    slope = 2 * gamma**2 - (4 / 3) * gamma**2 * a / w
-    return math.sqrt(w) * slope / (2 * gamma * k * sigma * scene.cross_section)
+        return _marginal(wavenumber, moments)
+    a = wavenumber * wavenumber
+    w = (3 * a + math.sqrt(9 * a * a + 16 / 3 * a)) / 2
+    # 2 + 3a - w without the cancellation of 3a against w at large k: w - 3a = (4/3)a/w.
+    return math.sqrt(w) * (2 - (4 / 3) * a / w) / (2 * wavenumber)
 
 
-def closure_generator(wavenumber: float, collision_number: float, moments: int) -> NDArray[np.complex128]:
+def closure_generator(wavenumber: float, collision_number: float, moments: int) -> Complex:
     """G with da/dt = G a for the Hermite moments a_0 … of a wave exp(ikx) in the frame of u_h, shape (moments, moments).
 
     γ = σ = 1, so k is k* and Sρ is R*. All but the highest moment obey the kinetic equation's own linearisation.
@@ -57,17 +120,49 @@ def closure_generator(wavenumber: float, collision_number: float, moments: int) 
     return generator
 
 
-def _critical_collision_number(wavenumber: float, moments: int) -> float:
+def _marginal(wavenumber: float, moments: int) -> float:
     from scipy.optimize import brentq
 
     def growth(number: float) -> float:
         return float(np.linalg.eigvals(closure_generator(wavenumber, number, moments)).real.max())
 
-    # Stable at R* = 0. Upwards in small ratios, as far as R*_c was seen to lie: it grows with the moments, and as 1/k.
-    numbers = np.geomspace(0.5, 4 * moments * (1 + 1 / wavenumber), 600)
+    # Stable at R* = 0. Upwards in ratios of 1.03 from below the least R*_c of all wavenumbers, as far as R*_c was seen to lie.
+    lowest = 0.5 * critical_collision_number(math.inf, moments)
+    highest = 8 * math.sqrt(moments) * (1 + 1 / math.sqrt(wavenumber))
     previous = 0.0
-    for number in numbers:
+    for number in np.geomspace(lowest, highest, math.ceil(math.log(highest / lowest) / math.log(1.03))):
         if growth(float(number)) > 0:
             return float(brentq(growth, previous, float(number), xtol=1e-10))
         previous = float(number)
     return math.inf
+
+
+def figure_1(length: float = 8 * math.pi, modes: Sequence[int] = range(1, 41)) -> xr.Dataset:
+    """The paper's Fig. 1: ρ_c over the mode number n, dims (mode,).
+
+    The paper gives no parameters. Its ρ_c^min ≈ 12000 fixes S = (7√3/9) γ/(12000 √σ), and with it the scale of ρ_c;
+    `length` is L* = Lγ/√σ, which fixes the scale of n.
+    """
+    import xarray as xr
+
+    n = np.asarray(modes)
+    k = 2 * math.pi * n / length
+    number = np.array([critical_collision_number(float(value)) for value in k])
+    return xr.Dataset(
+        {
+            "critical_density": (
+                "mode",
+                number * PAPERS_DENSITY / SHORTEST,
+                {"long_name": "critical density ρ_c of the three-moment closure", "units": "particles length-1"},
+            ),
+            "critical_collision_number": ("mode", number, {"long_name": "R*_c = S ρ_c √σ/γ", "units": "1"}),
+            "wavenumber": ("mode", k, {"long_name": "k* = k √σ/γ", "units": "1"}),
+        },
+        {"mode": ("mode", n, {"long_name": "mode number n, k = 2πn/L", "units": "1"})},
+        {
+            "title": "Critical density of the three-moment closure of (2) with operator (6)",
+            "least_critical_density": PAPERS_DENSITY,
+            "cross_section": f"S = {SHORTEST:.6g} γ/({PAPERS_DENSITY:g} √σ), from the paper's ρ_c^min",
+            "length": f"L* = {length:.6g}",
+        },
+    )
