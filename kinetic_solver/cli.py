@@ -227,6 +227,82 @@ def describe(scene: ScenePath, overrides: Overrides = None) -> None:
 
 
 @app.command()
+def stability(
+    scene: Annotated[
+        Path | None,
+        typer.Argument(metavar="[SCENE.toml | OUT.nc]", show_default=False, help="A scene, or a run to measure as well."),
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="OUT.nc", help="Write the numbers as a dataset too.")
+    ] = None,
+    figure: Annotated[bool, typer.Option("--figure", help="Draw it as well. Without a scene: Fig. 1 of the paper.")] = False,
+    overrides: Overrides = None,
+    overwrite: Overwrite = False,
+) -> None:
+    """Linear theory: the closure's critical density, the kinetic spectrum, transient growth, the noise of N particles."""
+    with _exit_codes():
+        from kinetic_solver.scene import SceneError
+
+        if scene is None:
+            if not figure:
+                raise SceneError("stability: nothing to do; allowed: a scene, a run's file, or --figure for Fig. 1 of the paper")
+            _figure_1(output or Path("figure_1.nc"), overwrite)
+            return
+        run = scene if scene.suffix == ".nc" else None
+        if run is not None and overrides:
+            raise SceneError("--set: a run's file holds its scene; allowed: with SCENE.toml")
+        loaded = _scene_of(run) if run is not None else _load(scene, overrides)
+        _stability(loaded, run, output, overwrite)
+        if figure:
+            from kinetic_solver.stability.figures import save_scene_figure
+
+            target = output.with_suffix(".png") if output else Path(f"{scene.stem}-stability.png")
+            save_scene_figure(loaded, target)
+            print(f"wrote {target}")
+
+
+def _scene_of(run: Path) -> Scene:
+    from kinetic_solver.output import open_run
+    from kinetic_solver.scene import Scene
+
+    with open_run(run) as dataset:
+        return Scene.model_validate_json(dataset.attrs["scene"])
+
+
+def _stability(scene: Scene, run: Path | None, output: Path | None, overwrite: bool) -> None:
+    from kinetic_solver.output import attributes, open_run, write_dataset
+    from kinetic_solver.stability.verdict import linear_theory, verdict
+
+    theory = linear_theory(scene)
+    sections = verdict(scene, theory)
+    if run is not None:
+        from kinetic_solver.compare import measured_lines, measured_rates
+
+        with open_run(run) as dataset:
+            theory = theory.merge(measured_rates(dataset), combine_attrs="override")
+        sections.append(("What the run did", measured_lines(theory)))
+    for title, lines in sections:
+        print(f"\n{title}")
+        for line in lines:
+            print(f"  {line}")
+    if output is not None:
+        theory.attrs.update(attributes(scene, "linear theory"))
+        write_dataset(theory, output, overwrite)
+        print(f"\nwrote {output}")
+
+
+def _figure_1(target: Path, overwrite: bool) -> None:
+    from kinetic_solver.output import write_dataset
+    from kinetic_solver.stability import figure_1
+    from kinetic_solver.stability.figures import save_figure_1
+
+    dataset = figure_1()
+    write_dataset(dataset, target, overwrite)
+    save_figure_1(dataset, target.with_suffix(".png"))
+    print(f"wrote {target} and {target.with_suffix('.png')}")
+
+
+@app.command()
 def info(run: RunPath) -> None:
     """Say what a run's file holds, and how well its budgets close."""
     with _exit_codes():

@@ -307,7 +307,8 @@ def write_dataset(dataset: xr.Dataset, path: str | Path, overwrite: bool = False
         raise SceneError(f"{path}: exists already; use --overwrite to replace it, or name another file with -o")
     part = path.with_name(path.name + ".part")
     try:
-        dataset.to_netcdf(part, format="NETCDF3_64BIT_DATA", engine="netcdf4", unlimited_dims=["time"])  # type: ignore[call-overload]
+        growing = [name for name in ("time",) if name in dataset.dims]
+        dataset.to_netcdf(part, format="NETCDF3_64BIT_DATA", engine="netcdf4", unlimited_dims=growing)  # type: ignore[call-overload]
         part.replace(path)
     except OSError as error:
         raise SceneError(f"{path}: cannot be created ({error.strerror})") from None

@@ -11,6 +11,7 @@ from kinetic_solver.stability.amplification import (
 )
 from kinetic_solver.stability.closure import closure_rates, critical_collision_number, critical_density, figure_1
 from kinetic_solver.stability.spectrum import eigenfunction, growth_rates, homogeneous_distribution, kinetic_rates, spectrum
+from kinetic_solver.stability.truncation import truncated_run
 
 __all__ = [
     "apparent_critical_density",
@@ -26,4 +27,5 @@ __all__ = [
     "spectrum",
     "structure_factor",
     "transient_growth",
+    "truncated_run",
 ]

@@ -1,4 +1,4 @@
-"""What a stable but non-normal flow makes of disturbances and of noise: transient growth, and the structure factor of N particles.
+"""What a stable but non-normal flow makes of disturbances and of noise: transient growth, the structure factor of N particles.
 
 Derivations and figures: docs/stability.md.
 """
@@ -15,7 +15,7 @@ from kinetic_solver.arrays import Array
 from kinetic_solver.scene import Scene
 from kinetic_solver.stability.flow import flow_of
 from kinetic_solver.stability.spectrum import FIRST_MODES
-from kinetic_solver.stability.units import dimensionless
+from kinetic_solver.stability.units import dimensionless, mode_numbers
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -31,8 +31,9 @@ def growth_times(scene: Scene, mode: int, count: int = 200) -> Array:
 def density_gain(scene: Scene, mode: int = 1, times: Array | None = None) -> Array:
     """G_ρ(t): the largest |δρ(t)|²/ρ² that a wave of mode n can reach from ‖δf(0)‖ = 1, for each of `times` (`growth_times`).
 
-    The norm is ‖δf‖² = ∫|δf|²/M dv/ρ², M the Maxwellian of ρ = 1 at u_h and θ_h. A density wave in equilibrium, δf = (δρ/ρ)M, has ‖δf‖ = |δρ|/ρ: so √G_ρ
-    says how many times higher a density wave can get than one that starts as plainly as that. (6): closed form at any R*,
+    The norm is ‖δf‖² = ∫|δf|²/M dv/ρ², M the Maxwellian of ρ = 1 at u_h and θ_h. A density wave in equilibrium, δf = δρ M, has
+    ‖δf‖ = |δρ|/ρ: so √G_ρ says how many times higher a density wave can get than it is in a plain one of the same norm.
+    (6): closed form at any R*,
 
         G_ρ = exp(-2k²(t - q)) [R² + k² exp((R² + k²)q²)]/(R² + k²),  q = 1 - exp(-t),  γ = σ = 1,
 
@@ -90,22 +91,22 @@ def transient_growth(scene: Scene, mode: int = 1, times: Array | None = None) ->
     )
 
 
-def structure_factor(scene: Scene, modes: Iterable[int] = FIRST_MODES) -> xr.DataArray:
+def structure_factor(scene: Scene, modes: int | Iterable[int] = FIRST_MODES) -> xr.DataArray:
     """S(k): the variance of a density mode of N particles in the stationary state over that of an ideal gas; dims (mode,).
 
-    ⟨|ρ_k|²⟩ = S(k) ρ²/N, ρ_k = (1/L)∫ρ exp(-ikx) dx, as long as S(k)/N ≪ 1. (6): one integral in closed form, to 1e-12
-    (`FollowLeaderFlow.structure_factor`); for k → 0 it is exp(R*²)(1 + erf R*). (12): from the Lyapunov equation, to 1e-6 for R* ≤ 100
-    and 1e-4 to 300; for k → 0 it is σ/(d(ρθ_h)/dρ). 1 without collisions.
+    ⟨|ρ_k|²⟩ = S(k) ρ²/N, ρ_k = (1/L)∫ρ exp(-ikx) dx, as long as S(k)/N ≪ 1. (6): one integral, to 1e-12
+    (`FollowLeaderFlow.structure_factor`); for k → 0 it is exp(R*²)(1 + erf R*). (12): from the Lyapunov equation, to 1e-6 for
+    R* ≤ 100 and 1e-4 to 300; for k → 0 it is σ/(d(ρθ_h)/dρ). 1 without collisions.
     Raises SceneError without friction and noise. Test: tests/linear_theory/test_structure_factor.py.
     """
     import xarray as xr
 
-    modes = np.atleast_1d(np.array(modes if isinstance(modes, int) else list(modes), dtype=int))
+    numbers = mode_numbers(modes)
     flow, _ = flow_of(scene)
-    values = [flow.structure_factor(dimensionless(scene, int(n))) for n in modes]
+    values = [flow.structure_factor(dimensionless(scene, n)) for n in numbers]
     return xr.DataArray(
         values,
-        {"mode": ("mode", modes, {"long_name": "mode number n, k = 2πn/L", "units": "1"})},
+        {"mode": ("mode", numbers, {"long_name": "mode number n, k = 2πn/L", "units": "1"})},
         ("mode",),
         "structure_factor",
         {"long_name": "structure factor S(k)", "units": "1"},
@@ -116,7 +117,7 @@ def apparent_critical_density(scene: Scene, count: int, mode: int = 1, level: fl
     """The density at which S(k)/N = `level` for N = `count` particles: where noise alone makes waves of that relative variance.
 
     No property of the equation, but of the number of particles: with (6) it grows as √ln N, R* ≈ √ln(N·level/2) for long waves.
-    inf where S(k) does not get there below R* = 300. Linear theory fails there, so it gives the place of a crossover, not a threshold.
+    inf where S(k) does not get there below R* = 300. Linear theory fails near it: it is the place of a crossover, no threshold.
     """
     from scipy.optimize import brentq
 

@@ -11,15 +11,12 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from kinetic_solver.scene import FOLLOW_LEADER, INELASTIC, Scene
-from kinetic_solver.stability.units import stationary, wavenumber
+from kinetic_solver.stability.units import Complex, stationary, wavenumber
 
 if TYPE_CHECKING:
     import xarray as xr
-
-Complex = NDArray[np.complex128]
 
 SHORTEST = 7 * math.sqrt(3) / 9
 """R*_c of three moments for k → ∞, the least of all modes: where the paper's ρ_c^min lies."""

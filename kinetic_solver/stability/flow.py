@@ -5,24 +5,20 @@ from __future__ import annotations
 import math
 from typing import Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
 from kinetic_solver.arrays import Array
 from kinetic_solver.scene import INELASTIC, Scene
 from kinetic_solver.stability.follow_leader import FollowLeaderFlow
 from kinetic_solver.stability.hermite import HermiteEquations
 from kinetic_solver.stability.inelastic import inelastic_flow
-from kinetic_solver.stability.units import Units, stationary
-
-Complex = NDArray[np.complex128]
+from kinetic_solver.stability.units import Complex, Units, stationary
 
 
 class Flow(Protocol):
     """Linear theory about a homogeneous state at rest: γ = σ = 1, waves exp(ikx + st), k = k*, velocities w = (v - u_h)/√σ."""
 
-    temperature: float
-    """θ_h/σ."""
+    @property
+    def temperature(self) -> float:
+        """θ_h/σ."""
 
     def rates(self, wavenumber: float, count: int) -> tuple[Complex, Array]:
         """The `count` leading s, by falling growth rate, and how far each is uncertain."""

@@ -19,14 +19,13 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from kinetic_solver.arrays import Array
 from kinetic_solver.scene import SceneError
 from kinetic_solver.stability.closure import closure_generator
 from kinetic_solver.stability.hermite import HermiteEquations, follow_leader_equations
+from kinetic_solver.stability.units import Complex
 
-Complex = NDArray[np.complex128]
 MOST_FUNCTIONS = 512
 
 
@@ -70,10 +69,13 @@ class FollowLeaderFlow:
             return (slow + k2 * np.exp((r2 + k2) * q**2 - 2 * k2 * (t - q))) / (r2 + k2)
 
     def structure_factor(self, wavenumber: float) -> float:
-        """S(k) = ∫_0^∞ {exp(R²q²) + R[R exp(R²q²) erf(Rq) + (2k/√π) D(kq)]/[(R² + k²)q]} 2k²q² exp(-y) dt, y = k²(2t - 2q - q²).
+        """With y = k²(2t - 2q - q²) and Dawson's integral D,
 
-        D is Dawson's integral. For k → 0: exp(R²)(1 + erf R); for k → ∞: 1. It is the integral of ⟨noise φ_t φ_t*⟩ (docs/stability.md);
-        the Lyapunov equation gives the same (tests/linear_theory/test_structure_factor.py). Relative accuracy 1e-12; inf above 1e308.
+            S(k) = ∫_0^∞ exp(-y) {exp(R²q²) + R[R exp(R²q²) erf(Rq) + (2k/√π) D(kq)]/[(R² + k²)q]} dy.
+
+        For k → 0: exp(R²)(1 + erf R); for k → ∞: 1. It is the integral over time of what noise and collisions do to φ_t
+        (docs/stability.md); the Lyapunov equation gives the same (tests/linear_theory/test_structure_factor.py). To 1e-12; inf
+        above 1e308.
         """
         from scipy.special import dawsn, erf
 
@@ -110,6 +112,6 @@ def _enough_functions(wavenumber: float, collision_number: float) -> int:
             return count
         previous, count = norms, 2 * count
     raise SceneError(
-        f"R* = {collision_number:.4g}, k* = {wavenumber:.4g}: transient growth is not resolved by {MOST_FUNCTIONS} moments; "
-        "allowed: a smaller density or cross_section, or the density's growth alone, which is closed form"
+        f"R* = {collision_number:.4g}, k* = {wavenumber:.4g}: {MOST_FUNCTIONS} moments do not resolve transient growth; "
+        "allowed: a smaller initial.density or collisions.cross_section (density_gain has a closed form at any)"
     )

@@ -1,8 +1,8 @@
-"""The linearised equation and its fluctuations in Hermite functions: δf = Σ a_n φ_n(y) M, y = w/√b, M the Maxwellian of variance b.
+"""The linearised equation and its fluctuations in Hermite functions: δf = Σ a_n φ_n(y) M, y = w/√b.
 
-φ_n = He_n/√n!, γ = σ = 1. The test functions are polynomials, so that mass and momentum are exact, and the sum of |a_n|² is
-∫|δf|²/M dw. b is θ_h: for operator (6) M is the homogeneous state itself. Convergence in the number of functions:
-tests/linear_theory/test_structure_factor.py.
+M is the Maxwellian of variance b, φ_n = He_n/√n!, γ = σ = 1. The test functions are polynomials, so that mass and momentum
+are exact, and the sum of |a_n|² is ∫|δf|²/M dw. b is θ_h: for operator (6) M is the homogeneous state itself. Convergence in
+the number of functions: tests/linear_theory/test_structure_factor.py.
 """
 
 from __future__ import annotations
@@ -12,12 +12,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from kinetic_solver.arrays import Array
 from kinetic_solver.stability.closure import closure_generator
-
-Complex = NDArray[np.complex128]
+from kinetic_solver.stability.units import Complex
 
 FUNCTIONS = 48
 
@@ -54,7 +52,8 @@ def lyapunov_structure_factor(equations: HermiteEquations, wavenumber: float) ->
 
     In a stationary state the covariance of δf is f_h δ(v - v') + g(v, v'). The first part is the ideal gas; what Fokker-Planck
     terms, transport and the collisions of single particles make of it cancels, since f_h is stationary. Collisions correlate
-    the two partners: that is Γ (docs/stability.md). Same result as with the full noise matrix (T. Spohn 1983 and others).
+    the two partners: that is Γ (docs/stability.md; M. H. Ernst and E. G. D. Cohen 1981). The covariance's own Lyapunov equation
+    G C + C G† = -Q, Q what noise and collisions change, gives the same, where Q does not overflow in polynomials.
     """
     from scipy.linalg import solve_continuous_lyapunov
 
@@ -113,8 +112,8 @@ def inelastic_equations(
 def _pairs(count: int) -> Iterator[tuple[Array, Array, Array]]:
     """Velocities v > v' and weights for ∫∫_{v > v'} (v - v') · dv dv'/(2π), in slices of equal v - v'.
 
-    c = (v + v')/√2 by the trapezoidal rule, y = (v - v')/√2 > 0 by Gauss and Legendre's, both geometrically convergent for products of four
-    Hermite functions. Functions carry shares of the Gaussians, so that no factor is large.
+    c = (v + v')/√2 by the trapezoidal rule, y = (v - v')/√2 > 0 by Gauss and Legendre's: both converge geometrically for products
+    of four Hermite functions. Functions carry shares of the Gaussians, so that no factor is large.
     """
     reach = math.sqrt(2) * (2 * math.sqrt(count) + 5)
     spacing = math.pi / (1.2 * (2 * math.sqrt(2 * count) + 6))

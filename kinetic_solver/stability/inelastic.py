@@ -1,12 +1,14 @@
 """(2) with operator (12), linearised about its homogeneous state, which is not Gaussian: by a Fourier-Galerkin method in v.
 
-Units γ = σ = 1, the frame of u_h, ρ = 1, so that S is R*. On a period 2T of w, f = Σ f_l exp(iπlw/T), the weak form of (12) (docs/theory.md)
-tested with exp(-iξ_n w) is a convolution with closed-form weights,
+Units γ = σ = 1, the frame of u_h, ρ = 1, so that S is R*. On a period 2T of w, f = Σ f_l exp(iξ_l w), ξ_l = πl/T; the weak form
+of (12) (docs/theory.md) tested with exp(-iξ_n w) is a convolution with closed-form weights,
 
-    C_n = Σ_{l+m=n} K(n, l) f_l f_m,    K = (R/2) ∫_{-ϱ}^{ϱ} |r| [e^{i(ξ_l - αξ_n)r} + e^{i(ξ_l - (1-α)ξ_n)r} - e^{-iξ_m r} - e^{iξ_l r}] dr,
+    C_n = Σ_{l+m=n} K(n, l) f_l f_m,
+    K = (R/2) ∫_{-ϱ}^{ϱ} |r| [e^{i(ξ_l - αξ_n)r} + e^{i(ξ_l - (1-α)ξ_n)r} - e^{-iξ_m r} - e^{iξ_l r}] dr,
 
-α = (1 - ε)/2 (L. Pareschi and B. Perthame 1996 introduced such methods). It shares nothing with the grid solver's pairs of cells. All of it converges
-geometrically: in the number of points a width of f_h, and in the window, whose edge f_h reaches at exp(-`DIGITS`).
+α = (1 - ε)/2 (L. Pareschi and B. Perthame 1996 introduced such methods). It shares nothing with the grid solver's pairs of
+cells. All of it converges geometrically: in the number of points a width of f_h, and in the window, whose edge f_h reaches
+at exp(-`DIGITS`).
 Mass is conserved to round-off (K(0, l) = 0 in sum), momentum and energy's rate to what the window cuts off.
 Tests: tests/linear_theory/test_inelastic.py.
 """
@@ -23,8 +25,7 @@ from kinetic_solver.arrays import Array
 from kinetic_solver.scene import SceneError
 from kinetic_solver.stability.closure import closure_temperature
 from kinetic_solver.stability.hermite import HermiteEquations, inelastic_equations, lyapunov_structure_factor, matrix_density_gain
-
-Complex = NDArray[np.complex128]
+from kinetic_solver.stability.units import Complex
 
 DIGITS = 44.0
 POINTS = 4.5
@@ -46,7 +47,9 @@ class InelasticFlow:
     def _at(self, wavenumber: float) -> _Discretisation:
         """With points enough for exp(-ikw), into which free flight shears a wave."""
         more = abs(wavenumber) * math.sqrt(self.temperature) / math.pi
-        return self._base if more < 0.3 else _discretisation(self.restitution, self.collision_number, POINTS + 1.5 * more, DIGITS)
+        if more < 0.3:
+            return self._base
+        return _discretisation(self.restitution, self.collision_number, POINTS + 1.5 * more, DIGITS)
 
     def rates(self, wavenumber: float, count: int) -> tuple[Complex, Array]:
         """Eigenvalues of the generator; the uncertainty is the distance to those on a coarser grid in a narrower window."""
@@ -104,7 +107,7 @@ class _Discretisation:
         # The far tail falls as exp(-w²/2 - R|w|), slower than the core's Gaussian; the window takes in both.
         tail = math.sqrt(collision_number**2 + 2 * digits) - collision_number
         reach = max(math.sqrt(2 * digits * guess), tail)
-        # Pairs up to ϱ = √2·reach apart hold all but exp(-digits) of the collisions, and a period 2ϱ keeps the others' images out.
+        # Pairs up to ϱ = √2·reach apart hold all but exp(-digits) of the collisions; a period 2ϱ keeps the others' images out.
         self.range = self.half = math.sqrt(2) * reach
         self.count = 2 * math.ceil(self.half / math.sqrt(guess) * points) + 1
         self.dv = 2 * self.half / self.count
@@ -147,8 +150,8 @@ class _Discretisation:
             if np.abs(step).max() < 1e-12 * f.max():
                 return f
         raise SceneError(
-            f"collisions: the homogeneous state at restitution {self.restitution:g}, R* = {self.collision_number:.3g} is out of reach; "
-            "allowed: a smaller R*"
+            f"collisions: the homogeneous state at restitution {self.restitution:g}, R* = {self.collision_number:.3g} "
+            "is out of reach; allowed: a smaller R*"
         )
 
     def linear_collisions(self, f: Array) -> Array:

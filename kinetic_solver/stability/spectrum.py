@@ -1,7 +1,8 @@
 """The kinetic spectrum: eigenvalues and eigenfunctions of (2), linearised about the homogeneous state.
 
 (6): s_n(k) = -iku_h - nγ - (σ/γ)(k² - ikSρ), n = 0, 1, 2, …, exact: Re s < 0 for every k ≠ 0 at every density.
-(12): numerically (`inelastic.py`), each eigenvalue with its distance to the same on a coarser grid. For k → 0, Re s = -(k²/γ) d(ρθ_h)/dρ.
+(12): numerically (`inelastic.py`), each eigenvalue with its distance to the same on a coarser grid. For k → 0,
+Re s = -(k²/γ) d(ρθ_h)/dρ.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from kinetic_solver.arrays import Array
 from kinetic_solver.scene import Scene
 from kinetic_solver.stability.closure import closure_rates, critical_density
 from kinetic_solver.stability.flow import flow_of
-from kinetic_solver.stability.units import Complex, dimensionless, wavenumber
+from kinetic_solver.stability.units import Complex, dimensionless, mode_numbers, wavenumber
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -48,7 +49,7 @@ def homogeneous_distribution(scene: Scene, v: ArrayLike) -> Array:
 
 
 def spectrum(scene: Scene, mode: int = 1, count: int = 4, velocities: int = 201) -> xr.Dataset:
-    """Leading branches and their eigenfunctions; dims (branch, v), v over the homogeneous state's 7 thermal velocities to either side."""
+    """Leading branches and their eigenfunctions; dims (branch, v), v within 7 thermal velocities √θ_h of u_h."""
     import xarray as xr
 
     flow, units = flow_of(scene)
@@ -71,26 +72,26 @@ def spectrum(scene: Scene, mode: int = 1, count: int = 4, velocities: int = 201)
     )
 
 
-def growth_rates(scene: Scene, modes: Iterable[int] = FIRST_MODES) -> xr.Dataset:
+def growth_rates(scene: Scene, modes: int | Iterable[int] = FIRST_MODES) -> xr.Dataset:
     """The leading s of each mode by the three-moment closure and by the kinetic equation, and ρ_c; dims (mode,).
 
-    `closure_growth_rate` answers what the paper's (3)-(5) do, `kinetic_growth_rate` what (2) does: where they differ in sign, the
-    closure is at fault. `critical_density` is the closure's, inf where it has none. All branches: `closure_rates`, `kinetic_rates`.
+    `closure_growth_rate` says what the paper's (3)-(5) do, `kinetic_growth_rate` what (2) itself does. `critical_density`
+    is the closure's, inf where it has none. All branches: `closure_rates`, `kinetic_rates`.
     """
     import xarray as xr
 
-    modes = np.atleast_1d(np.array(modes if isinstance(modes, int) else list(modes), dtype=int))
-    closure = np.array([closure_rates(scene, int(n))[0] for n in modes])
-    kinetic, uncertainty = (np.array(part) for part in zip(*(kinetic_rates(scene, int(n), 1) for n in modes), strict=True))
+    numbers = mode_numbers(modes)
+    closure = np.array([closure_rates(scene, n)[0] for n in numbers])
+    kinetic, uncertainty = (np.array(part) for part in zip(*(kinetic_rates(scene, n, 1) for n in numbers), strict=True))
 
     def over_modes(values: Array, long_name: str, units: str) -> tuple[str, Array, dict[str, str]]:
         return "mode", values, {"long_name": long_name, "units": units}
 
     return xr.Dataset(
         {
-            "wavenumber": over_modes(np.array([wavenumber(scene, int(n)) for n in modes]), "wavenumber k", "length-1"),
+            "wavenumber": over_modes(np.array([wavenumber(scene, n) for n in numbers]), "wavenumber k", "length-1"),
             "critical_density": over_modes(
-                np.array([critical_density(scene, int(n)) for n in modes]),
+                np.array([critical_density(scene, n) for n in numbers]),
                 "critical density of the closure",
                 "particles length-1",
             ),
@@ -100,6 +101,6 @@ def growth_rates(scene: Scene, modes: Iterable[int] = FIRST_MODES) -> xr.Dataset
             "kinetic_frequency": over_modes(kinetic[:, 0].imag, "Im s of the kinetic equation", "time-1"),
             "kinetic_uncertainty": over_modes(uncertainty[:, 0], "uncertainty of the kinetic s; 0 where exact", "time-1"),
         },
-        {"mode": ("mode", modes, {"long_name": "mode number n, k = 2πn/L", "units": "1"})},
+        {"mode": ("mode", numbers, {"long_name": "mode number n, k = 2πn/L", "units": "1"})},
         {"scene": scene.model_dump_json(by_alias=True, exclude_none=True), "convention": "waves exp(ikx + st)"},
     )

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +13,7 @@ from numpy.typing import NDArray
 from kinetic_solver.arrays import Array
 from kinetic_solver.scene import Scene, SceneError
 
-Complex = NDArray[np.complex128]
+Complex: TypeAlias = NDArray[np.complexfloating[Any, Any]]
 
 
 @dataclass(frozen=True)
@@ -44,6 +46,10 @@ def wavenumber(scene: Scene, mode: int) -> float:
     if mode < 1:
         raise ValueError(f"mode = {mode}: must be 1 or more")
     return 2 * math.pi * mode / scene.pipe.length
+
+
+def mode_numbers(modes: int | Iterable[int]) -> list[int]:
+    return [int(modes)] if isinstance(modes, int | np.integer) else [int(n) for n in modes]
 
 
 def dimensionless(scene: Scene, mode: int) -> float:
