@@ -1,0 +1,144 @@
+"""`kinetic-solver stability`: the verdict in words, its dataset, a run measured, Fig. 1, and what is refused."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from kinetic_solver import Scene
+from kinetic_solver.stability import critical_density, growth_rates, kinetic_rates, structure_factor
+from kinetic_solver.stability.verdict import linear_theory, verdict
+
+SCENE = """
+[model]
+gravity = 1.3
+friction = 0.7
+noise = 0.5
+[collisions]
+operator = "follow-the-leader"
+cross_section = 1.7
+[pipe]
+length = 9.0
+[initial]
+density = 1.2
+modes = [{ mode = 1, cos = 1e-4 }]
+[run]
+end_time = 12.0
+output_every = 0.25
+[output]
+f = false
+budgets = false
+[particles]
+count = 10000
+"""
+
+
+def cli(*arguments: str, folder: Path) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "kinetic_solver", *arguments]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=120)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "scene.toml").write_text(SCENE)
+    return tmp_path
+
+
+@pytest.fixture
+def scene(folder: Path) -> Scene:
+    return Scene.from_toml(folder / "scene.toml")
+
+
+def answer(sections: list[tuple[str, list[str]]], number: int) -> str:
+    return " ".join(next(lines for title, lines in sections if title.startswith(f"{number}.")))
+
+
+def test_the_verdict_answers_each_question(scene: Scene) -> None:
+    """Above the closure's critical density: the closure grows, the equation decays, noise is amplified."""
+    theory = linear_theory(scene)
+    sections = verdict(scene, theory)
+    assert critical_density(scene, 2) < scene.initial.density
+    assert answer(sections, 1).startswith("Yes, in modes")
+    assert answer(sections, 2).startswith("No: every wave decays")
+    slowest = kinetic_rates(scene, 1)[0][0].real
+    assert f"exp({slowest:.6g} t)" in answer(sections, 2)
+    amplitude = 2 * np.sqrt(float(structure_factor(scene, 3)[0]) / 10_000)
+    assert float(theory["wave_amplitude"].sel(mode=3)) == pytest.approx(amplitude)
+    assert "apparent critical density" in answer(sections, 4)
+
+
+def test_below_the_critical_density_and_without_one(scene: Scene) -> None:
+    thin = scene.model_copy(update={"initial": scene.initial.model_copy(update={"density": 0.1})})
+    sections = verdict(thin, linear_theory(thin))
+    assert answer(sections, 1).startswith("No, in none of the first 8 modes")
+    inelastic = Scene.model_validate(
+        {
+            **scene.model_dump(exclude_none=True, by_alias=True),
+            "collisions": {"operator": "inelastic", "cross_section": 1.7, "restitution": 0.4},
+        }
+    )
+    theory = linear_theory(inelastic)
+    sections = verdict(inelastic, theory)
+    assert answer(sections, 1).startswith("No, at no density")
+    assert "numerical finding" in answer(sections, 2)
+    assert np.isinf(theory["critical_density"].values).all()
+
+
+def test_the_command_writes_what_it_prints(folder: Path, scene: Scene) -> None:
+    done = cli("stability", "scene.toml", "-o", "theory.nc", "--figure", folder=folder)
+    assert done.returncode == 0, done.stderr
+    with xr.open_dataset(folder / "theory.nc") as written:
+        expected = growth_rates(scene)
+        for name in ("critical_density", "closure_growth_rate", "kinetic_growth_rate"):
+            assert np.array_equal(written[name].values, expected[name].values)
+        assert Scene.model_validate_json(written.attrs["scene"]) == scene
+    assert (folder / "theory.png").stat().st_size > 20_000
+    assert len(re.findall(r"^ +\d+ +[\d.]+ ", done.stdout, re.MULTILINE)) == 8
+    again = cli("stability", "scene.toml", "-o", "theory.nc", folder=folder)
+    assert again.returncode == 2
+    assert "exists already" in again.stderr
+
+
+def test_a_run_is_measured(folder: Path, scene: Scene) -> None:
+    assert cli("run", "scene.toml", folder=folder).returncode == 0
+    done = cli("stability", "scene.nc", "-o", "measured.nc", folder=folder)
+    assert done.returncode == 0, done.stderr
+    assert "What the run did" in done.stdout
+    with xr.open_dataset(folder / "measured.nc") as measured:
+        first = measured.sel(mode=1)
+        s = float(first["growth_rate"]) + 1j * float(first["frequency"])
+        assert abs(s - kinetic_rates(scene, 1)[0][0]) <= float(first["uncertainty"]) < 0.02 * abs(s.real)
+        assert float(first["closure_growth_rate"]) > 0 > float(first["growth_rate"])
+
+
+def test_figure_1(folder: Path) -> None:
+    done = cli("stability", "--figure", folder=folder)
+    assert done.returncode == 0, done.stderr
+    assert (folder / "figure_1.png").stat().st_size > 20_000
+    with xr.open_dataset(folder / "figure_1.nc") as figure:
+        rho = figure["critical_density"].values
+        assert (np.diff(rho) < 0).all()
+        assert 12_000 < rho[-1] < 12_200
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((), "nothing to do"),
+        (("scene.toml", "--set", "model.friction=0.0"), "model.friction = 0"),
+        (("missing.nc",), "missing.nc: is not a readable netCDF file"),
+        (("missing.toml",), "missing.toml: cannot be read"),
+    ],
+)
+def test_refusals(folder: Path, arguments: tuple[str, ...], message: str) -> None:
+    done = cli("stability", *arguments, folder=folder)
+    assert done.returncode == 2
+    assert done.stderr.startswith("error: ")
+    assert message in done.stderr
+    assert done.stderr.count("\n") == 1
