@@ -15,6 +15,7 @@ NAMES = (
     "accuracy_cost",
     "random_scenes",
     "hard_cases",
+    "linear_theory",
 )
 
 if __name__ == "__main__":

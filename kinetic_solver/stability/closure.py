@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 SHORTEST = 7 * math.sqrt(3) / 9
 """R*_c of three moments for k → ∞, the least of all modes: where the paper's ρ_c^min lies."""
+WORST_CONDITION = 1e10
+"""Of an eigenvalue; 3e8 costs R*_c up to 3e-7 of its value (M = 64, k* = 1)."""
 PAPERS_DENSITY = 12_000.0
 """ρ_c^min as the paper prints it."""
 
@@ -65,9 +67,9 @@ def critical_density(scene: Scene, mode: int = 1, moments: int = 3) -> float:
 
     Three moments are the paper's (3)-(5): from the marginal case s' = iω of `closure_rates`,
     S ρ_c = ω(2γ² + 3k²σ - ω²)/(2γkσ), with ω² = [3k²σ + √(9k⁴σ² + (16/3)γ²k²σ)]/2, and R*_c → 7√3/9 for k → ∞.
-    Other numbers: `critical_collision_number`, to 1e-9.
-    inf for operator (12), whose closure is stable, and without collisions, friction or noise.
-    Raises ValueError for mode < 1 or moments < 2. Test: tests/linear_theory/test_closure.py.
+    Other numbers: `critical_collision_number`. inf for operator (12), whose closure is stable, and without collisions, friction
+    or noise. Raises ValueError for mode < 1, moments < 2, and for more moments than double precision resolves.
+    Test: tests/linear_theory/test_closure.py.
     """
     if moments < 2:
         raise ValueError(f"moments = {moments}: must be 2 or more")
@@ -87,7 +89,9 @@ def critical_collision_number(wavenumber: float, moments: int = 3) -> float:
 
         R*_c = min [x² + 2(M - 1)]/(3x),     at least and, for large M, (2/3)√(2(M - 1))     (docs/stability.md has the proof).
 
-    Otherwise the density at which an eigenvalue of `closure_generator` crosses the imaginary axis, to 1e-9.
+    Otherwise the density at which an eigenvalue of `closure_generator` crosses the imaginary axis: at k* = 1 to 1e-11 for M = 32
+    and 3e-7 for M = 64. Many moments and long waves make it too ill-conditioned for double precision: ValueError then.
+    Test: tests/linear_theory/test_closure.py, against 120 digits.
     """
     if moments < 2:
         raise ValueError(f"moments = {moments}: must be 2 or more")
@@ -118,18 +122,34 @@ def closure_generator(wavenumber: float, collision_number: float, moments: int) 
 
 
 def _marginal(wavenumber: float, moments: int) -> float:
+    from scipy.linalg import eig
     from scipy.optimize import brentq
 
+    def balanced(number: float) -> Complex:
+        """The tridiagonal generator scaled so that its two off-diagonals are of equal size: its eigenvalues, better conditioned."""
+        generator = closure_generator(wavenumber, number, moments)
+        ratio = np.sqrt(np.abs(np.diag(generator, -1)) / np.abs(np.diag(generator, 1)))
+        below, above = np.diag(generator, -1) / ratio, np.diag(generator, 1) * ratio
+        return np.diag(np.diag(generator)) + np.diag(below, -1) + np.diag(above, 1)
+
     def growth(number: float) -> float:
-        return float(np.linalg.eigvals(closure_generator(wavenumber, number, moments)).real.max())
+        return float(np.linalg.eigvals(balanced(number)).real.max())
 
     # Stable at R* = 0. Upwards in ratios of 1.03 from below the least R*_c of all wavenumbers, as far as R*_c was seen to lie.
     lowest = 0.5 * critical_collision_number(math.inf, moments)
-    highest = 8 * math.sqrt(moments) * (1 + 1 / math.sqrt(wavenumber))
+    highest = 4 * moments * (1 + 1 / wavenumber)
     previous = 0.0
     for number in np.geomspace(lowest, highest, math.ceil(math.log(highest / lowest) / math.log(1.03))):
         if growth(float(number)) > 0:
-            return float(brentq(growth, previous, float(number), xtol=1e-10))
+            critical = float(brentq(growth, previous, float(number), xtol=1e-10))
+            s, left, right = eig(balanced(critical), left=True, right=True)
+            n = int(s.real.argmax())
+            if abs(np.vdot(left[:, n], right[:, n])) < 1 / WORST_CONDITION:
+                raise ValueError(
+                    f"moments = {moments}: at k* = {wavenumber:.4g} double precision does not resolve the closure's "
+                    "eigenvalues; allowed: fewer moments, or shorter waves"
+                )
+            return critical
         previous = float(number)
     return math.inf
 

@@ -52,12 +52,20 @@ class InelasticFlow:
         return _discretisation(self.restitution, self.collision_number, POINTS + 1.5 * more, DIGITS)
 
     def rates(self, wavenumber: float, count: int) -> tuple[Complex, Array]:
-        """Eigenvalues of the generator; the uncertainty is the distance to those on a coarser grid in a narrower window."""
+        """Eigenvalues of the generator. Their uncertainty is the distance to those on a coarser grid in a narrower window, or
+        what rounding does to them, whichever is more: the latter where short waves meet few collisions."""
+        from scipy.linalg import eig
+
         fine = self._at(wavenumber)
         coarse = _discretisation(self.restitution, self.collision_number, 0.85 * fine.points, DIGITS - 8)
-        s = _leading(np.linalg.eigvals(fine.generator(wavenumber)))[:count]
+        generator = fine.generator(wavenumber)
+        values, left, right = eig(generator, left=True, right=True)
+        order = _leading(values)[:count]
+        s = values[order]
         other = np.linalg.eigvals(coarse.generator(wavenumber))
-        return s, np.abs(s[:, None] - other[None, :]).min(axis=1)
+        condition = 1 / np.abs(np.sum(left[:, order].conj() * right[:, order], axis=0))
+        rounding = np.finfo(float).eps * np.linalg.norm(generator, 2) * condition
+        return s, np.maximum(np.abs(s[:, None] - other[None, :]).min(axis=1), rounding)
 
     def distribution(self, w: Array) -> Array:
         return self._base.interpolate(self._base.f, w).real
@@ -65,8 +73,7 @@ class InelasticFlow:
     def eigenfunction(self, wavenumber: float, branch: int, w: Array) -> Complex:
         fine = self._at(wavenumber)
         values, vectors = np.linalg.eig(fine.generator(wavenumber))
-        wanted = _leading(values)[branch]
-        mode = vectors[:, int(np.abs(values - wanted).argmin())]
+        mode = vectors[:, _leading(values)[branch]]
         return fine.interpolate(mode / (mode.sum() * fine.dv), w)
 
     @functools.cached_property
@@ -86,10 +93,10 @@ class InelasticFlow:
         return lyapunov_structure_factor(self._hermite, wavenumber)
 
 
-def _leading(s: Complex) -> Complex:
-    """By falling real part; of a conjugate pair the one with Im s > 0 first."""
+def _leading(s: Complex) -> NDArray[np.intp]:
+    """The order by falling real part; of a conjugate pair the one with Im s > 0 first."""
     scale = np.abs(s).max()
-    return s[np.lexsort((-s.imag, -np.round(s.real / scale, 11)))]
+    return np.lexsort((-s.imag, -np.round(s.real / scale, 11)))
 
 
 @functools.lru_cache(maxsize=64)
