@@ -105,7 +105,7 @@ def mode_amplitudes(dataset: xr.Dataset) -> Complex:
 
 def _measure(dataset: xr.Dataset, scene: Scene, t: Array, amplitudes: Complex, mode: int) -> _Fit | None:
     predicted, gap = _branches(dataset, scene, mode)
-    if any(wave.mode == mode for wave in getattr(scene.initial, "eigenmodes", ())):
+    if any(wave.mode == mode for wave in scene.initial.eigenmodes):
         predicted, gap = predicted[:1], math.inf
     noise, stochastic = _noise(dataset, scene, mode)
     c = amplitudes[:, mode]
@@ -149,7 +149,8 @@ def _window(t: Array, disturbance: Array, gap: float, least: int) -> tuple[int, 
         if not lasts.size:
             continue
         worst = np.maximum.accumulate(disturbance[first:end])[lasts - first]
-        error = (math.exp(-gap * t[first]) + worst) / (t[lasts] - t[first])
+        faster = 0.0 if math.isinf(gap) else math.exp(-gap * t[first])
+        error = (faster + worst) / (t[lasts] - t[first])
         n = int(np.argmin(error))
         if best is None or error[n] < best[2]:
             best = int(first), int(lasts[n]), float(error[n])

@@ -94,6 +94,9 @@ def _start(scene: Scene) -> list[Row]:
     if scene.initial.file is not None:
         return [("file", scene.initial.file)]
     u0, theta0 = start_state(scene)
+    if scene.initial.eigenmodes:
+        waves = ", ".join(f"mode {m.mode} branch {m.branch}" for m in scene.initial.eigenmodes)
+        return [("eigenmodes", f"{waves}, on the homogeneous state")]
     return [("mean velocity, temperature", f"{u0:.6g}, {theta0:.6g}")]
 
 

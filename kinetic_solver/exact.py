@@ -43,7 +43,7 @@ def solve(scene: Scene, x: ArrayLike | None = None, v: ArrayLike | None = None) 
 
     `x` (uniform over one period from 0) and `v` (uniform) give the points, as `run["x"]`, `run["v"]` of a grid run; by default
     grid.nx or 64, and grid.nv or 128 points in grid.velocity_window or one that holds the solution.
-    Raises SceneError for operator (12) and for a start from a file, which have no closed form.
+    Raises SceneError for operator (12) and for a start from a file or an eigenmode, which have no closed form here.
     """
     if scene.operator == INELASTIC:
         raise SceneError(
@@ -51,6 +51,8 @@ def solve(scene: Scene, x: ArrayLike | None = None, v: ArrayLike | None = None) 
         )
     if scene.initial.file is not None:
         raise SceneError("initial.file: has no closed form; the exact method starts from a Maxwellian")
+    if scene.initial.eigenmodes:
+        raise SceneError("initial.eigenmodes: have no closed form here; the exact method starts from a Maxwellian")
     grid = _grid(scene, x, v)
     recorder = MemoryRecorder(grid, scene, method="exact")
     for time in scene.times():

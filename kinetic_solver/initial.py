@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
+from kinetic_solver import stability
 from kinetic_solver.arrays import Array
 from kinetic_solver.scene import Scene, SceneError, fourier_sum
 
@@ -21,7 +22,7 @@ def density(scene: Scene, x: ArrayLike) -> Array:
     start = scene.initial
     x = np.asarray(x, dtype=float)
     if start.step is None:
-        return start.density * (1 + fourier_sum(start.modes, x, scene.pipe.length))
+        return start.density * (1 + fourier_sum(start.density_modes, x, scene.pipe.length))
     place = np.mod(x / scene.pipe.length, 1.0)
     inside = (place >= start.step.start) & (place < start.step.end)
     return _outer_density(scene) * np.where(inside, start.step.ratio, 1.0)
@@ -71,7 +72,7 @@ def density_integral(scene: Scene, y: ArrayLike) -> Array:
         outer = _outer_density(scene)
         return length * (start.density * periods + outer * (place + (start.step.ratio - 1) * inside))
     total = y.copy()
-    for m in start.modes:
+    for m in start.density_modes:
         k = 2 * np.pi * m.mode / length
         # 1 - cos = 2 sin²(./2), without cancellation at small y
         total += (m.cos * np.sin(k * y) + m.sin * 2 * np.sin(k * y / 2) ** 2) / k
@@ -83,6 +84,32 @@ def maxwellian(density: Array, mean_velocity: Array, temperature: Array, v: Arra
     w = v[None, :] - mean_velocity[:, None]
     theta = temperature[:, None]
     return density[:, None] * np.exp(-(w**2) / (2 * theta)) / np.sqrt(2 * np.pi * theta)
+
+
+def eigenmode_state(scene: Scene, x: Array, v: Array, mean_velocity: float) -> Array:
+    """f = ρ̄[f_h + Σ Re (cos - i sin) h exp(ikx)], shape (nx, nv): `initial.eigenmodes` on the homogeneous state f_h, which has
+    the given mean velocity.
+
+    h is a branch's eigenfunction of unit density, so that the density has the waves cos·cos(kx) + sin·sin(kx). Raises SceneError
+    where that makes f negative, by more than 1e-12 of its maximum, or a branch is not resolved.
+    """
+    place = v - mean_velocity + stability.mean_velocity(scene)
+    background = np.broadcast_to(stability.homogeneous_distribution(scene, place), (x.size, v.size))
+    waves = np.zeros((x.size, v.size))
+    for m in scene.initial.eigenmodes:
+        rates, uncertainty = stability.kinetic_rates(scene, m.mode, m.branch + 1)
+        if uncertainty[-1] > 1e-3 * abs(rates[-1]):
+            raise SceneError(
+                f"initial.eigenmodes: branch = {m.branch} of mode {m.mode} is not resolved (s = {rates[-1]:.3g} ± "
+                f"{uncertainty[-1]:.1g}); allowed: a lower branch or mode"
+            )
+        shape = stability.eigenfunction(scene, m.mode, m.branch, place)
+        waves += ((m.cos - 1j * m.sin) * np.exp(2j * np.pi * m.mode / scene.pipe.length * x)[:, None] * shape).real
+    margin = background + 1e-12 * background.max()
+    if (waves < -margin).any():
+        share = float((margin / np.maximum(-waves, 1e-300)).min())
+        raise SceneError(f"initial.eigenmodes: make f negative; allowed: amplitudes of {share:.2g} times these or less")
+    return scene.initial.density * (background + waves)
 
 
 def from_file(scene: Scene, x: Array, v: Array) -> Array:

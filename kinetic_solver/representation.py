@@ -5,6 +5,7 @@ What a run needs of either is the same: a start, point values for output, and th
 
 from __future__ import annotations
 
+import math
 from typing import Protocol
 
 import numpy as np
@@ -19,7 +20,7 @@ from kinetic_solver.linear import HermiteLinearStep, LinearStep
 from kinetic_solver.linearised import GridLinearisedStep, HermiteLinearisedStep
 from kinetic_solver.moments import totals
 from kinetic_solver.plan import Plan
-from kinetic_solver.scene import FOLLOW_LEADER, Scene
+from kinetic_solver.scene import FOLLOW_LEADER, INELASTIC, Scene
 from kinetic_solver.stepping import BaseMethod, Substep, lawson, strang
 from kinetic_solver.velocity import DriftDiffusion, FiniteVolume, HermiteBasis, HighOrderFiniteVolume, OrnsteinUhlenbeckKernel
 from kinetic_solver.velocity.kernel import resolution
@@ -121,6 +122,14 @@ class HermiteCoefficients:
         if scene.initial.file is not None:
             return self.basis.coefficients(initial.from_file(scene, grid.x, grid.v), grid.v)
         u0, theta0 = start_state(scene)
+        if scene.initial.eigenmodes:
+            # He_n/√n! grows as exp(w²/4): beyond 8.5 thermal velocities it would lift the rounding of a state found numerically.
+            reach = 8.5 * math.sqrt(theta0)
+            if scene.operator != INELASTIC:
+                reach = (2 * math.sqrt(self.basis.count) + 6) * math.sqrt(theta0)
+            points = math.ceil(reach / math.sqrt(self.basis.variance) * (8 + 2 * math.sqrt(self.basis.count)))
+            v = u0 + reach * np.linspace(-1, 1, 2 * points + 1)
+            return self.basis.coefficients(initial.eigenmode_state(scene, grid.x, v, u0), v)
         return self.basis.maxwellian(
             initial.resolved_density(scene, grid.x),
             initial.mean_velocity(scene, grid.x, u0),
@@ -180,10 +189,12 @@ class _AtPoints:
 
 
 def initial_state(scene: Scene, grid: PhaseSpaceGrid, density: Array | None = None) -> Array:
-    """f at time 0, shape (nx, nv): Maxwellian, of the scene's density or the one given, or the last frame of `initial.file`."""
+    """f at time 0, shape (nx, nv): Maxwellian, of the scene's density or the one given, or what the scene starts from instead."""
     if scene.initial.file is not None:
         return initial.from_file(scene, grid.x, grid.v)
     u0, theta0 = start_state(scene)
+    if scene.initial.eigenmodes:
+        return initial.eigenmode_state(scene, grid.x, grid.v, u0)
     return initial.maxwellian(
         initial.density(scene, grid.x) if density is None else density,
         initial.mean_velocity(scene, grid.x, u0),

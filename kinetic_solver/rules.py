@@ -147,7 +147,7 @@ class Rules:
                 )
         if grid.nx is not None and not self.scene.homogeneous and self.scene.initial.file is None:
             start = self.scene.initial
-            modes = (*start.modes, *start.velocity_modes, *start.temperature_modes)
+            modes = (*start.density_modes, *start.velocity_modes, *start.temperature_modes)
             least = 2 * max((m.mode for m in modes), default=1) + 1
             if grid.nx < least:
                 raise SceneError(f"grid.nx = {grid.nx}: cannot hold the initial state; allowed: {least} or more")

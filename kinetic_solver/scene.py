@@ -99,6 +99,13 @@ class Mode(_Table):
     sin: Real = 0.0
 
 
+class Eigenmode(Mode):
+    """A wave of the shape that a branch of the linearised equation has in v (docs/stability.md), of this relative density."""
+
+    branch: Annotated[int, Field(strict=True, ge=0, le=20)] = 0
+    """0 decays most slowly, 1 next, …"""
+
+
 class Step(_Table):
     """A density step: `ratio` times the outer density between the fractions `from` and `to` of L; the mean stays the scene's."""
 
@@ -151,8 +158,19 @@ class Initial(_Table):
     """Absolute Fourier amplitudes added to the mean velocity."""
     temperature_modes: Modes = ()
     """Relative Fourier amplitudes of the temperature."""
+    eigenmodes: tuple[Eigenmode, ...] = ()
+    """Eigenmodes on the homogeneous state, instead of all the above but `density`."""
     file: str | None = None
     """A netCDF file to start from, instead of all the above (density still sets the scene's groups)."""
+
+    @property
+    def density_modes(self) -> Modes:
+        """The relative Fourier amplitudes of the density, whatever it is that has them."""
+        return (*self.modes, *self.eigenmodes)
+
+    def _given(self, besides: set[str]) -> list[str]:
+        """The keys that say something, those of a scene written by a run included."""
+        return sorted(key for key in self.model_fields_set - besides if getattr(self, key) not in (None, ()))
 
     @model_validator(mode="after")
     def _physical(self) -> Initial:
@@ -160,15 +178,20 @@ class Initial(_Table):
             raise ValueError("modes and step are both given; allowed: one of them")
         if self.step is not None and self.step.ratio == 0 and self.step.end - self.step.start == 1:
             raise ValueError("step from = 0, to = 1, ratio = 0 leaves no particles; allowed: ratio > 0, or a part of the pipe")
-        if (low := 1 + _minimum(self.modes)) < -1e-12:
-            raise ValueError(f"modes make the density negative (minimum {low:.4g} times the mean); reduce their amplitudes")
+        if self.eigenmodes:
+            clash = self._given({"eigenmodes", "density"})
+            if clash:
+                raise ValueError(f"eigenmodes are given together with {', '.join(clash)}; allowed: with density alone")
+        if (low := 1 + _minimum(self.density_modes)) < -1e-12:
+            which = "eigenmodes" if self.eigenmodes else "modes"
+            raise ValueError(f"{which} make the density negative (minimum {low:.4g} times the mean); reduce their amplitudes")
         if (low := 1 + _minimum(self.temperature_modes)) <= 0:
             raise ValueError(
                 f"temperature_modes make the temperature negative or zero (minimum {low:.4g} times the mean); "
                 "reduce their amplitudes"
             )
         if self.file is not None:
-            clash = sorted(self.model_fields_set - {"file", "density"})
+            clash = self._given({"file", "density"})
             if clash:
                 raise ValueError(f"file is given together with {', '.join(clash)}; a file replaces them")
         return self
@@ -280,6 +303,15 @@ class Scene(_Table):
     grid: Grid = Grid()
     particles: Particles = Particles()
 
+    @model_validator(mode="after")
+    def _eigenmodes_have_a_state_to_be_about(self) -> Scene:
+        if self.initial.eigenmodes and self.model.friction * self.model.noise == 0:
+            raise ValueError(
+                f"initial.eigenmodes are about a stationary state, and model.friction = {self.model.friction:g}, "
+                f"model.noise = {self.model.noise:g} have none; allowed: both above 0"
+            )
+        return self
+
     @classmethod
     def from_toml(cls, path: str | Path, overrides: dict[str, Any] | None = None) -> Scene:
         """Read a scene; `overrides` maps dotted keys to values, as in {"grid.nx": 64}.
@@ -327,7 +359,7 @@ class Scene(_Table):
     def homogeneous(self) -> bool:
         """True where nothing in the scene depends on x."""
         i = self.initial
-        varied = (*i.modes, *i.velocity_modes, *i.temperature_modes)
+        varied = (*i.density_modes, *i.velocity_modes, *i.temperature_modes)
         stepped = i.step is not None and i.step.ratio != 1
         return i.file is None and not stepped and not any(m.cos or m.sin for m in varied)
 

@@ -10,7 +10,14 @@ from kinetic_solver.stability.amplification import (
     transient_growth,
 )
 from kinetic_solver.stability.closure import closure_rates, critical_collision_number, critical_density, figure_1
-from kinetic_solver.stability.spectrum import eigenfunction, growth_rates, homogeneous_distribution, kinetic_rates, spectrum
+from kinetic_solver.stability.spectrum import (
+    eigenfunction,
+    growth_rates,
+    homogeneous_distribution,
+    kinetic_rates,
+    mean_velocity,
+    spectrum,
+)
 from kinetic_solver.stability.truncation import truncated_run
 
 __all__ = [
@@ -24,6 +31,7 @@ __all__ = [
     "growth_rates",
     "homogeneous_distribution",
     "kinetic_rates",
+    "mean_velocity",
     "spectrum",
     "structure_factor",
     "transient_growth",

@@ -126,7 +126,7 @@ def _marginal(wavenumber: float, moments: int) -> float:
     from scipy.optimize import brentq
 
     def balanced(number: float) -> Complex:
-        """The tridiagonal generator scaled so that its two off-diagonals are of equal size: its eigenvalues, better conditioned."""
+        """The tridiagonal generator scaled to two off-diagonals of equal size: the same eigenvalues, better conditioned."""
         generator = closure_generator(wavenumber, number, moments)
         ratio = np.sqrt(np.abs(np.diag(generator, -1)) / np.abs(np.diag(generator, 1)))
         below, above = np.diag(generator, -1) / ratio, np.diag(generator, 1) * ratio

@@ -35,6 +35,11 @@ def kinetic_rates(scene: Scene, mode: int = 1, count: int = 4) -> tuple[Complex,
     return units.rate(s, wavenumber(scene, mode)), units.gamma * uncertainty
 
 
+def mean_velocity(scene: Scene) -> float:
+    """u_h of the homogeneous state."""
+    return flow_of(scene)[1].mean_velocity
+
+
 def eigenfunction(scene: Scene, mode: int, branch: int, v: ArrayLike) -> Complex:
     """δf(v)/ρ̄ of a branch, ∫δf dv = ρ̄: of unit relative density. f_h + Re[A δf exp(ikx)] is a wave of relative density |A|."""
     flow, units = flow_of(scene)

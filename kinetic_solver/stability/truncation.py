@@ -97,7 +97,7 @@ def _refuse(scene: Scene, moments: int) -> None:
         raise SceneError(f"moments = {moments}: allowed: 3 or more")
     if scene.operator == INELASTIC:
         raise SceneError('collisions.operator = "inelastic": the truncated run is for "follow-the-leader" or no collisions')
-    for key, given in (("file", start.file), ("step", start.step), ("eigenmodes", getattr(start, "eigenmodes", ()))):
+    for key, given in (("file", start.file), ("step", start.step), ("eigenmodes", start.eigenmodes)):
         if given:
             raise SceneError(f"initial.{key}: a truncated run starts from a Maxwellian with modes; remove it")
 
