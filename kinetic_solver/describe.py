@@ -8,20 +8,21 @@ from kinetic_solver.homogeneous import homogeneous_state, start_state
 from kinetic_solver.plan import Plan, make_plan
 from kinetic_solver.rules import frame_times
 from kinetic_solver.scene import FOLLOW_LEADER, INELASTIC, Scene
-from kinetic_solver.stability import critical_density
+from kinetic_solver.stability import critical_density, kinetic_rates
 
 Row = tuple[str, str]
 
 
 def describe(scene: Scene) -> list[tuple[str, list[Row]]]:
     """Sections of (label, text): equation, groups, homogeneous state, closure, and the run that `solve` would make."""
+    plan = make_plan(scene)
     return [
         ("Equation", _equation(scene)),
         ("Dimensionless groups", _groups(scene)),
         ("Homogeneous state", _homogeneous(scene)),
         ("Three-moment closure of the paper", _closure(scene)),
         ("Start", _start(scene)),
-        ("Run on the grid", _run(make_plan(scene))),
+        ("Run on the grid", _run(plan)),
     ]
 
 
@@ -93,10 +94,15 @@ def _closure(scene: Scene) -> list[Row]:
 def _start(scene: Scene) -> list[Row]:
     if scene.initial.file is not None:
         return [("file", scene.initial.file)]
-    u0, theta0 = start_state(scene)
     if scene.initial.eigenmodes:
-        waves = ", ".join(f"mode {m.mode} branch {m.branch}" for m in scene.initial.eigenmodes)
-        return [("eigenmodes", f"{waves}, on the homogeneous state")]
+        return [
+            (
+                f"eigenmode {m.mode}, branch {m.branch}",
+                f"relative density {math.hypot(m.cos, m.sin):.4g}, s = {kinetic_rates(scene, m.mode, m.branch + 1)[0][-1]:.6g}",
+            )
+            for m in scene.initial.eigenmodes
+        ]
+    u0, theta0 = start_state(scene)
     return [("mean velocity, temperature", f"{u0:.6g}, {theta0:.6g}")]
 
 

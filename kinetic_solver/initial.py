@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
@@ -12,9 +13,13 @@ from numpy.typing import ArrayLike
 from kinetic_solver import stability
 from kinetic_solver.arrays import Array
 from kinetic_solver.scene import Scene, SceneError, fourier_sum
+from kinetic_solver.stability.units import Complex
 
 if TYPE_CHECKING:
     import xarray as xr
+
+SHORTEST_EIGENMODE = 12.0
+"""k√θ_h/γ. An eigenfunction of operator (6) is up to exp(k²σ/2γ²) times its own density: no f can hold one long before this."""
 
 
 def density(scene: Scene, x: ArrayLike) -> Array:
@@ -90,26 +95,58 @@ def eigenmode_state(scene: Scene, x: Array, v: Array, mean_velocity: float) -> A
     """f = ρ̄[f_h + Σ Re (cos - i sin) h exp(ikx)], shape (nx, nv): `initial.eigenmodes` on the homogeneous state f_h, which has
     the given mean velocity.
 
-    h is a branch's eigenfunction of unit density, so that the density has the waves cos·cos(kx) + sin·sin(kx). Raises SceneError
-    where that makes f negative, by more than 1e-12 of its maximum, or a branch is not resolved.
+    h is a branch's eigenfunction of unit density, so that the density has the waves cos·cos(kx) + sin·sin(kx).
     """
-    place = v - mean_velocity + stability.mean_velocity(scene)
-    background = np.broadcast_to(stability.homogeneous_distribution(scene, place), (x.size, v.size))
-    waves = np.zeros((x.size, v.size))
-    for m in scene.initial.eigenmodes:
+    f = np.tile(stability.homogeneous_distribution(scene, _beside_homogeneous(scene, v, mean_velocity)), (x.size, 1))
+    for mode, shape in eigenmode_shapes(scene, v, mean_velocity):
+        f += (np.exp(2j * np.pi * mode / scene.pipe.length * x)[:, None] * shape).real
+    return scene.initial.density * f
+
+
+def eigenmode_shapes(scene: Scene, v: Array, mean_velocity: float) -> list[tuple[int, Complex]]:
+    """(mode, (cos - i sin) h(v)) of each of `initial.eigenmodes`."""
+    place = _beside_homogeneous(scene, v, mean_velocity)
+    return [
+        (m.mode, (m.cos - 1j * m.sin) * stability.eigenfunction(scene, m.mode, m.branch, place)) for m in scene.initial.eigenmodes
+    ]
+
+
+def _beside_homogeneous(scene: Scene, v: Array, mean_velocity: float) -> Array:
+    """v, in a frame in which the homogeneous state has this mean velocity, as the theory has it: about its own u_h."""
+    return v - mean_velocity + stability.mean_velocity(scene)
+
+
+def check_eigenmodes(scene: Scene, mean_velocity: float, temperature: float) -> None:
+    """Raises SceneError where a branch is not resolved, or f would be negative: f < -1e-12 max f_h somewhere within 12 thermal
+    velocities, at any of 64 places on the shortest wave."""
+    waves = scene.initial.eigenmodes
+    for m in waves:
+        free_paths = 2 * math.pi * m.mode / scene.pipe.length * math.sqrt(temperature) / scene.model.friction
+        if free_paths > SHORTEST_EIGENMODE:
+            raise SceneError(
+                f"initial.eigenmodes: mode = {m.mode} is too short a wave, k√θ/γ = {free_paths:.4g}; "
+                f"allowed: {SHORTEST_EIGENMODE:g} or less"
+            )
         rates, uncertainty = stability.kinetic_rates(scene, m.mode, m.branch + 1)
-        if uncertainty[-1] > 1e-3 * abs(rates[-1]):
+        if uncertainty[-1] > 1e-3 * abs(rates[-1].real):
             raise SceneError(
                 f"initial.eigenmodes: branch = {m.branch} of mode {m.mode} is not resolved (s = {rates[-1]:.3g} ± "
                 f"{uncertainty[-1]:.1g}); allowed: a lower branch or mode"
             )
-        shape = stability.eigenfunction(scene, m.mode, m.branch, place)
-        waves += ((m.cos - 1j * m.sin) * np.exp(2j * np.pi * m.mode / scene.pipe.length * x)[:, None] * shape).real
-    margin = background + 1e-12 * background.max()
-    if (waves < -margin).any():
-        share = float((margin / np.maximum(-waves, 1e-300)).min())
-        raise SceneError(f"initial.eigenmodes: make f negative; allowed: amplitudes of {share:.2g} times these or less")
-    return scene.initial.density * (background + waves)
+    v = mean_velocity + math.sqrt(temperature) * np.linspace(-12, 12, 513)
+    background = stability.homogeneous_distribution(scene, _beside_homogeneous(scene, v, mean_velocity))
+    background = background + 1e-12 * background.max()
+    period = math.gcd(*(m.mode for m in waves))
+    half = 32 * max(m.mode for m in waves) // period
+    spectra = np.zeros((v.size, half + 1), dtype=complex)
+    for mode, shape in eigenmode_shapes(scene, v, mean_velocity):
+        spectra[:, mode // period] += half * shape
+    deepest = np.array([-np.fft.irfft(spectrum, n=2 * half).min() for spectrum in spectra])
+    if (deepest > background).any():
+        share = float((background / np.maximum(deepest, 1e-300)).min())
+        sizes = np.array([math.hypot(m.cos, m.sin) for m in waves])
+        given, largest = (", ".join(f"{size:.3g}" for size in part) for part in (sizes, 0.995 * share * sizes))
+        raise SceneError(f"initial.eigenmodes: amplitude {given} makes f negative; allowed here: {largest} or less")
 
 
 def from_file(scene: Scene, x: Array, v: Array) -> Array:

@@ -5,7 +5,6 @@ What a run needs of either is the same: a start, point values for output, and th
 
 from __future__ import annotations
 
-import math
 from typing import Protocol
 
 import numpy as np
@@ -20,7 +19,8 @@ from kinetic_solver.linear import HermiteLinearStep, LinearStep
 from kinetic_solver.linearised import GridLinearisedStep, HermiteLinearisedStep
 from kinetic_solver.moments import totals
 from kinetic_solver.plan import Plan
-from kinetic_solver.scene import FOLLOW_LEADER, INELASTIC, Scene
+from kinetic_solver.rules import hermite_points
+from kinetic_solver.scene import FOLLOW_LEADER, Scene
 from kinetic_solver.stepping import BaseMethod, Substep, lawson, strang
 from kinetic_solver.velocity import DriftDiffusion, FiniteVolume, HermiteBasis, HighOrderFiniteVolume, OrnsteinUhlenbeckKernel
 from kinetic_solver.velocity.kernel import resolution
@@ -123,12 +123,7 @@ class HermiteCoefficients:
             return self.basis.coefficients(initial.from_file(scene, grid.x, grid.v), grid.v)
         u0, theta0 = start_state(scene)
         if scene.initial.eigenmodes:
-            # He_n/√n! grows as exp(w²/4): beyond 8.5 thermal velocities it would lift the rounding of a state found numerically.
-            reach = 8.5 * math.sqrt(theta0)
-            if scene.operator != INELASTIC:
-                reach = (2 * math.sqrt(self.basis.count) + 6) * math.sqrt(theta0)
-            points = math.ceil(reach / math.sqrt(self.basis.variance) * (8 + 2 * math.sqrt(self.basis.count)))
-            v = u0 + reach * np.linspace(-1, 1, 2 * points + 1)
+            v = hermite_points(scene, self.basis, u0, theta0)
             return self.basis.coefficients(initial.eigenmode_state(scene, grid.x, v, u0), v)
         return self.basis.maxwellian(
             initial.resolved_density(scene, grid.x),

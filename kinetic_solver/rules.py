@@ -138,6 +138,8 @@ class Rules:
     def check_given(self) -> None:
         """Refuses what no tolerance could excuse. Raises SceneError."""
         grid, means = self.scene.grid, self.means()
+        if self.scene.initial.eigenmodes:
+            initial.check_eigenmodes(self.scene, self.u0, self.theta0)
         if grid.velocity_window is not None:
             low, high = grid.velocity_window
             if not (low < min(means) and max(means) < high):
@@ -364,6 +366,8 @@ class Rules:
         bounds = {"the narrowest velocity distribution": min(math.pi / spectrum, math.sqrt(self.theta_min) / 2)}
         if (q := self._phase_mixing) > 0:
             bounds["phase mixing of the initial waves"] = math.pi / q
+        if scene.initial.eigenmodes:
+            bounds["the eigenmodes"] = self._eigenmode_spacing()
         noisy = model.friction * model.noise > 0
         if noisy and (scene.operator is not None or drift_diffusion != "kernel"):
             if drift_diffusion != "kernel" or (stepping == "extrapolated" and scene.operator == FOLLOW_LEADER):
@@ -431,8 +435,12 @@ class Rules:
     def _spectrum(self, weight: Array) -> Array:
         reach = self.tail * math.sqrt(float(self.theta.max()))
         v = np.linspace(float(self.u.min()) - reach, float(self.u.max()) + reach, 33)
-        f = (weight * self.rho)[:, None] / np.sqrt(self.theta[:, None])
-        f = f * np.exp(-((v - self.u[:, None]) ** 2) / (2 * self.theta[:, None]))
+        if self.scene.initial.eigenmodes:
+            x = self.scene.pipe.length * np.arange(self.rho.size) / self.rho.size
+            f = weight[:, None] * initial.eigenmode_state(self.scene, x, v, self.u0)
+        else:
+            f = (weight * self.rho)[:, None] / np.sqrt(self.theta[:, None])
+            f = f * np.exp(-((v - self.u[:, None]) ** 2) / (2 * self.theta[:, None]))
         amplitude = np.abs(np.fft.rfft(f, axis=0)).max(axis=1)
         return np.asarray(amplitude / amplitude.max())
 
@@ -460,15 +468,36 @@ class Rules:
             return 0
         if self.scene.initial.step is not None:
             return self.step_modes()
-        return int(np.flatnonzero(self._amplitudes > self.rtol / 10)[-1])
+        # A density wave is held however weak it is: on fewer points it would be taken for another.
+        given = max((m.mode for m in self.scene.initial.density_modes if m.cos or m.sin), default=0)
+        return max(given, int(np.flatnonzero(self._amplitudes > self.rtol / 10)[-1]))
+
+    def _eigenmode_spacing(self) -> float:
+        """The dv that resolves the eigenmodes' shapes in v, which they keep: their spectra down to rtol/10 of ρ̄, and, for the
+        monitor, the bends that they give to f."""
+        reach = 12 * math.sqrt(self.theta0)
+        v = self.u0 + reach * np.linspace(-1, 1, 1024, endpoint=False)
+        dv = float(v[1] - v[0])
+        q = 2 * np.pi * np.fft.fftfreq(v.size, dv)
+        background = initial.maxwellian(np.ones(1), np.full(1, self.u0), np.full(1, self.theta0), v)
+        shapes = np.array([shape for _, shape in initial.eigenmode_shapes(self.scene, v, self.u0)])
+        spectra = np.fft.fft(np.concatenate([background, shapes]), axis=1)
+        bend = np.abs(np.fft.ifft(-(q**2) * spectra, axis=1)).sum(axis=0)
+        shortest = np.abs(q)[np.abs(spectra).max(axis=0) * dv > self.rtol / 10].max()
+        return min(math.pi / float(shortest), math.sqrt(background.max() / bend.max()) / 2)
 
     def hermite_count(self) -> int:
         """Functions that hold the start, and the waves in v that free motion makes of the initial waves."""
         scene, sigma = self.scene, self.scene.model.noise
         state = homogeneous_state(scene)
         assert state is not None
-        start = np.abs(HermiteBasis(state.mean_velocity, sigma, MOST_HERMITE).maxwellian(np.ones(4096), self.u, self.theta))
-        spread = start.max(axis=0)
+        basis = HermiteBasis(state.mean_velocity, sigma, MOST_HERMITE)
+        spread = np.abs(basis.maxwellian(np.ones(4096), self.u, self.theta)).max(axis=0)
+        if scene.initial.eigenmodes:
+            v = hermite_points(scene, basis, self.u0, self.theta0)
+            shapes = np.array([shape for _, shape in initial.eigenmode_shapes(scene, v, self.u0)])
+            coefficients = np.abs(basis.coefficients(shapes.real, v) + 1j * basis.coefficients(shapes.imag, v))
+            spread = np.maximum(spread, coefficients.max(axis=0))
         n = int(np.flatnonzero(spread > self.rtol / 10)[-1])
         if n >= MOST_HERMITE - 20:
             low, high = math.sqrt(float(self.theta.min())), math.sqrt(float(self.theta.max()))
@@ -608,6 +637,17 @@ class Rules:
                 "grid.time_step",
                 stacklevel=3,
             )
+
+
+def hermite_points(scene: Scene, basis: HermiteBasis, mean_velocity: float, temperature: float) -> Array:
+    """Velocities from which to take the Hermite coefficients of a state about the homogeneous one.
+
+    He_n/√n! grows as exp(w²/4). Where the state is known in closed form, so are its tails; with (12) beyond 8.5 thermal
+    velocities that would only lift its rounding.
+    """
+    reach = (8.5 if scene.operator == INELASTIC else 2 * math.sqrt(basis.count) + 6) * math.sqrt(temperature)
+    points = math.ceil(reach / math.sqrt(basis.variance) * (8 + 2 * math.sqrt(basis.count)))
+    return mean_velocity + reach * np.linspace(-1, 1, 2 * points + 1)
 
 
 def _steps(interval: float, time_step: float) -> int:

@@ -103,12 +103,12 @@ def _enough_functions(wavenumber: float, collision_number: float) -> int:
     """Hermite polynomials with which the norm of exp(Gt) is converged to 1e-6 at t = 1/2, 1 and 2."""
     from scipy.linalg import expm
 
-    count = 16 * math.ceil(1 + (collision_number**2 + wavenumber**2) / 8)
+    count = 16 * math.ceil(1 + collision_number**2 / 8)
     previous = None
     while count <= MOST_FUNCTIONS:
         half = expm(0.5 * closure_generator(wavenumber, collision_number, count))
         norms = np.array([np.linalg.norm(half, 2), np.linalg.norm(half @ half, 2), np.linalg.norm(half @ half @ half @ half, 2)])
-        if previous is not None and np.abs(norms / previous - 1).max() < 1e-6:
+        if previous is not None and (np.abs(norms - previous) < 1e-6 * np.maximum(norms, 1.0)).all():
             return count
         previous, count = norms, 2 * count
     raise SceneError(

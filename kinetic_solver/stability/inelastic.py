@@ -30,6 +30,8 @@ from kinetic_solver.stability.units import Complex
 DIGITS = 44.0
 POINTS = 4.5
 """Points per thermal velocity √θ_h. f_h alone, a Gaussian to within a few per cent, is resolved to round-off by 2.9."""
+SHORTEST_WAVE = 12.0
+"""k*√(θ_h/σ) up to which the spectrum is computed: free flight shears a wave as exp(-ikw), and that needs ever more points."""
 
 
 @functools.lru_cache(maxsize=64)
@@ -44,6 +46,10 @@ class InelasticFlow:
         self._base = _Discretisation(restitution, collision_number, POINTS, DIGITS)
         self.temperature = self._base.temperature
 
+    def resolves(self, wavenumber: float) -> bool:
+        """Whether the points in w are enough for waves so short. Those that are shorter have died out in a tenth of 1/γ."""
+        return abs(wavenumber) * math.sqrt(self.temperature) <= SHORTEST_WAVE
+
     def _at(self, wavenumber: float) -> _Discretisation:
         """With points enough for exp(-ikw), into which free flight shears a wave."""
         more = abs(wavenumber) * math.sqrt(self.temperature) / math.pi
@@ -53,9 +59,12 @@ class InelasticFlow:
 
     def rates(self, wavenumber: float, count: int) -> tuple[Complex, Array]:
         """Eigenvalues of the generator. Their uncertainty is the distance to those on a coarser grid in a narrower window, or
-        what rounding does to them, whichever is more: the latter where short waves meet few collisions."""
+        what rounding does to them, whichever is more: the latter where short waves meet few collisions. NaN, uncertain by inf,
+        for waves that are not resolved."""
         from scipy.linalg import eig
 
+        if not self.resolves(wavenumber):
+            return np.full(count, np.nan, dtype=complex), np.full(count, np.inf)
         fine = self._at(wavenumber)
         coarse = _discretisation(self.restitution, self.collision_number, 0.85 * fine.points, DIGITS - 8)
         generator = fine.generator(wavenumber)
@@ -71,6 +80,8 @@ class InelasticFlow:
         return self._base.interpolate(self._base.f, w).real
 
     def eigenfunction(self, wavenumber: float, branch: int, w: Array) -> Complex:
+        if not self.resolves(wavenumber):
+            raise SceneError(f"k* = {wavenumber:.4g}: too short a wave for the spectrum of operator (12); allowed: a longer one")
         fine = self._at(wavenumber)
         values, vectors = np.linalg.eig(fine.generator(wavenumber))
         mode = vectors[:, _leading(values)[branch]]
@@ -99,7 +110,7 @@ def _leading(s: Complex) -> NDArray[np.intp]:
     return np.lexsort((-s.imag, -np.round(s.real / scale, 11)))
 
 
-@functools.lru_cache(maxsize=64)
+@functools.lru_cache(maxsize=16)
 def _discretisation(restitution: float, collision_number: float, points: float, digits: float) -> _Discretisation:
     return _Discretisation(restitution, collision_number, points, digits)
 

@@ -127,9 +127,11 @@ def _closure(scene: Scene, theory: xr.Dataset) -> list[str]:
 def _kinetic(scene: Scene, theory: xr.Dataset) -> list[str]:
     rates = theory["kinetic_growth_rate"].values
     uncertainty = theory["kinetic_uncertainty"].values
-    slowest = int(np.argmax(rates))
+    if np.isnan(rates).all():
+        return ["Not known: waves so short are beyond the numerical spectrum of operator (12); they die out within 0.1/γ."]
+    slowest = int(np.nanargmax(rates))
     mode = int(theory["mode"][slowest])
-    how = "exactly" if not uncertainty.any() else f"to {uncertainty.max():.1e}"
+    how = "exactly" if not uncertainty.any() else f"to {uncertainty[slowest]:.1e}"
     if rates[slowest] > uncertainty[slowest]:
         return [f"Yes: mode {mode} grows as exp({rates[slowest]:.5g} t), known {how}."]
     lines = [f"No: every wave decays in the end. The slowest, mode {mode}, as exp({rates[slowest]:.6g} t), known {how}."]
