@@ -27,7 +27,10 @@ LAYERS = [
     {"certification"},
     {"cli"},
 ]
-INDEPENDENT = {"exact": {"arrays", "scene", "initial", "homogeneous", "output", "grid"}, "stability": {"scene", "arrays"}}
+INDEPENDENT = {
+    "exact": {"arrays", "scene", "initial", "homogeneous", "output", "grid"},
+    "stability": {"scene", "arrays", "threads"},
+}
 
 
 def imports(path: Path) -> set[str]:

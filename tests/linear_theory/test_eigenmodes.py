@@ -143,7 +143,7 @@ def test_scenes_that_are_refused(initial: dict[str, Any], model: dict[str, Any],
 
 def test_starts_that_are_refused() -> None:
     large = make("follow-the-leader", 1.0, 1, amplitude=0.5)
-    with pytest.raises(SceneError, match=r"initial.eigenmodes: make f negative; allowed: amplitudes of 0\.\d+ times these"):
+    with pytest.raises(SceneError, match=r"initial.eigenmodes: amplitude 0.5 makes f negative; allowed here: 0\.\d+ or less"):
         solve(large)
     with pytest.raises(SceneError, match=r"branch = 0 of mode 32 is not resolved"):
         solve(make("inelastic", 0.1, 32, collisions={"restitution": 0.99}))
