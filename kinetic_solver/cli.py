@@ -103,7 +103,7 @@ def _options(
 def run(
     scene: ScenePath,
     output: Annotated[Path | None, typer.Option("-o", "--output", metavar="OUT.nc", help="Default: SCENE.nc.")] = None,
-    method: Annotated[str, typer.Option(help="grid, or exact (the closed form, where there is one).")] = "grid",
+    method: Annotated[str, typer.Option(help="grid, exact (the closed form, where there is one), or particles.")] = "grid",
     overrides: Overrides = None,
     overwrite: Overwrite = False,
     certified: Annotated[bool, typer.Option("--certify", help="Run again refined; add error bars and observed orders.")] = False,
@@ -112,13 +112,13 @@ def run(
     with _exit_codes():
         from kinetic_solver.scene import SceneError
 
-        if method not in ("grid", "exact"):
-            raise SceneError(f"--method {method!r}: unknown; allowed: 'grid', 'exact'")
+        if method not in _METHODS:
+            raise SceneError(f"--method {method!r}: unknown; allowed: {', '.join(map(repr, _METHODS))}")
         loaded = _load(scene, overrides)
         target = output or Path(scene.stem + ".nc")
         if certified and method != "grid":
             raise SceneError(f"--certify: is for --method grid; {method!r} has no discretisation to refine")
-        (_run_grid if method == "grid" else _run_exact)(loaded, target, overwrite)
+        _METHODS[method](loaded, target, overwrite)
         if certified:
             _certify(loaded, target)
         print(f"wrote {target}")
@@ -160,6 +160,35 @@ def _run_exact(scene: Scene, target: Path, overwrite: bool) -> None:
     from kinetic_solver.output import write_dataset
 
     write_dataset(exact.solve(scene), target, overwrite)
+
+
+def _run_particles(scene: Scene, target: Path, overwrite: bool) -> None:
+    from time import monotonic
+
+    from kinetic_solver.output import NetCDFRecorder
+    from particles.simulation import VARIABLES_OF_PARTICLES, coordinates, make_plan, report
+    from particles.simulation import run as run_particles
+
+    plan = make_plan(scene)
+    recorder = NetCDFRecorder(target, plan.grid, scene, "particles", overwrite, VARIABLES_OF_PARTICLES, coordinates(plan))
+    began = monotonic()
+    try:
+        with _progress() as progress:
+            done = run_particles(plan, recorder, progress)
+    except BaseException as stop:
+        recorder.close(stopped=f"interrupted by {type(stop).__name__} {stop}".strip())
+        raise
+    said = report(plan)
+    recorder.close(report=said)
+    if "warning" in said:
+        print(f"warning: {said['warning']}", file=sys.stderr)
+    particles = scene.particles.count * scene.particles.replicas
+    speed = particles * done.number / (monotonic() - began) / 1e6
+    print(f"{particles} particles, {done.number} steps, {speed:.3g} million particle-steps a second, start and output included")
+    print(f"memory of the ensemble {plan.memory / 2**20:.0f} MiB; {done.collisions} collisions; cells: {said['cells']}")
+
+
+_METHODS = {"grid": _run_grid, "exact": _run_exact, "particles": _run_particles}
 
 
 @contextmanager

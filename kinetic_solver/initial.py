@@ -97,10 +97,15 @@ def eigenmode_state(scene: Scene, x: Array, v: Array, mean_velocity: float) -> A
 
     h is a branch's eigenfunction of unit density, so that the density has the waves cos·cos(kx) + sin·sin(kx).
     """
-    f = np.tile(stability.homogeneous_distribution(scene, _beside_homogeneous(scene, v, mean_velocity)), (x.size, 1))
+    f = np.tile(eigenmode_background(scene, v, mean_velocity), (x.size, 1))
     for mode, shape in eigenmode_shapes(scene, v, mean_velocity):
         f += (np.exp(2j * np.pi * mode / scene.pipe.length * x)[:, None] * shape).real
     return scene.initial.density * f
+
+
+def eigenmode_background(scene: Scene, v: Array, mean_velocity: float) -> Array:
+    """f_h(v), ∫f_h dv = 1."""
+    return stability.homogeneous_distribution(scene, _beside_homogeneous(scene, v, mean_velocity))
 
 
 def eigenmode_shapes(scene: Scene, v: Array, mean_velocity: float) -> list[tuple[int, Complex]]:
@@ -134,16 +139,18 @@ def check_eigenmodes(scene: Scene, mean_velocity: float, temperature: float) -> 
                 f"{uncertainty[-1]:.1g}); allowed: a lower branch or mode"
             )
     v = mean_velocity + math.sqrt(temperature) * np.linspace(-12, 12, 513)
-    background = stability.homogeneous_distribution(scene, _beside_homogeneous(scene, v, mean_velocity))
+    background = eigenmode_background(scene, v, mean_velocity)
     background = background + 1e-12 * background.max()
     period = math.gcd(*(m.mode for m in waves))
     half = 32 * max(m.mode for m in waves) // period
-    spectra = np.zeros((v.size, half + 1), dtype=complex)
-    for mode, shape in eigenmode_shapes(scene, v, mean_velocity):
-        spectra[:, mode // period] += half * shape
-    deepest = np.array([-np.fft.irfft(spectrum, n=2 * half).min() for spectrum in spectra])
-    if (deepest > background).any():
-        share = float((background / np.maximum(deepest, 1e-300)).min())
+    shapes = eigenmode_shapes(scene, v, mean_velocity)
+    share = 1.0
+    for j in np.flatnonzero(sum(np.abs(shape) for _, shape in shapes) > background):
+        spectrum = np.zeros(half + 1, dtype=complex)
+        for mode, shape in shapes:
+            spectrum[mode // period] += half * shape[j]
+        share = min(share, float(-background[j] / np.fft.irfft(spectrum, n=2 * half).min()))
+    if share < 1:
         sizes = np.array([math.hypot(m.cos, m.sin) for m in waves])
         given, largest = (", ".join(f"{size:.3g}" for size in part) for part in (sizes, 0.995 * share * sizes))
         raise SceneError(f"initial.eigenmodes: amplitude {given} makes f negative; allowed here: {largest} or less")

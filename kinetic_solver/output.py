@@ -29,8 +29,10 @@ RUNNING, FINISHED, STOPPED = 0, 1, 2
 Frame = Mapping[str, Mapping[str, Any]]
 """What one time brings: group of `[output]` → variable → value."""
 
-# name: (dimensions beside time, units, long name)
-VARIABLES: dict[str, dict[str, tuple[tuple[str, ...], str, str]]] = {
+Variables = Mapping[str, Mapping[str, tuple[tuple[str, ...], str, str]]]
+"""Group of `[output]` → name → (dimensions beside time, units, long name)."""
+
+VARIABLES: Variables = {
     "f": {"f": (("x", "v"), "particles time length-2", "distribution function, point values")},
     "moments": {
         "density": (("x",), "particles length-1", "density ρ"),
@@ -79,10 +81,10 @@ VARIABLES: dict[str, dict[str, tuple[tuple[str, ...], str, str]]] = {
 }  # fmt: skip
 
 
-def _time_dimensions(scene: Scene) -> dict[str, str]:
+def _time_dimensions(scene: Scene, variables: Variables) -> dict[str, str]:
     """The time dimension of each group: `time`, or `time_<group>` for a cadence of its own."""
     result = {}
-    for group in VARIABLES:
+    for group in variables:
         cadence = getattr(scene.output, group)
         if cadence is False:
             continue
@@ -145,9 +147,17 @@ class Recorder(Protocol):
 class MemoryRecorder:
     """Keeps frames in memory and makes them a Dataset."""
 
-    def __init__(self, grid: PhaseSpaceGrid, scene: Scene, method: str = "grid") -> None:
+    def __init__(
+        self,
+        grid: PhaseSpaceGrid,
+        scene: Scene,
+        method: str = "grid",
+        variables: Variables = VARIABLES,
+        coordinates: Mapping[str, np.ndarray] | None = None,
+    ) -> None:
         self.grid, self.scene, self.method = grid, scene, method
-        self._dimensions = _time_dimensions(scene)
+        self._variables, self._more = variables, coordinates or {}
+        self._dimensions = _time_dimensions(scene, variables)
         self._times: dict[str, list[float]] = {name: [] for name in self._dimensions.values()}
         self._values: dict[str, list[Any]] = {}
         self._status = RUNNING
@@ -170,7 +180,7 @@ class MemoryRecorder:
 
         data: dict[str, Any] = {}
         for group, dimension in self._dimensions.items():
-            for name, (dims, units, long_name) in VARIABLES[group].items():
+            for name, (dims, units, long_name) in self._variables[group].items():
                 if name in self._values:
                     values = np.stack(self._values[name])
                     data[name] = ((dimension, *dims), values, {"long_name": long_name, "units": units})
@@ -178,6 +188,7 @@ class MemoryRecorder:
             data[name] = ((dimension, "bounds"), values)
         data["status"] = ((), np.int8(self._status), STATUS_ATTRIBUTES)
         coordinates: dict[str, Any] = dict(_coordinates(self.grid))
+        coordinates.update({name: (name, values) for name, values in self._more.items()})
         for name, times in self._times.items():
             coordinates[name] = (name, np.array(times), {"long_name": "time", "units": "time", "axis": "T"})
         dataset = xr.Dataset(data, coordinates, attributes(self.scene, self.method))
@@ -195,7 +206,14 @@ class NetCDFRecorder:
     """
 
     def __init__(
-        self, path: str | Path, grid: PhaseSpaceGrid, scene: Scene, method: str = "grid", overwrite: bool = False
+        self,
+        path: str | Path,
+        grid: PhaseSpaceGrid,
+        scene: Scene,
+        method: str = "grid",
+        overwrite: bool = False,
+        variables: Variables = VARIABLES,
+        coordinates: Mapping[str, np.ndarray] | None = None,
     ) -> None:
         self.path = Path(path)
         if self.path.exists() and not overwrite:
@@ -204,7 +222,8 @@ class NetCDFRecorder:
             raise SceneError(f"{self.path}: cannot be created (its folder does not exist)")
         self._grid, self._scene, self._method = grid, scene, method
         self._file: Any = None
-        self._dimensions = _time_dimensions(scene)
+        self._variables, self._more = variables, coordinates or {}
+        self._dimensions = _time_dimensions(scene, variables)
         self._count = dict.fromkeys(self._dimensions.values(), 0)
 
     def _create(self) -> None:
@@ -222,6 +241,9 @@ class NetCDFRecorder:
             variable = out.createVariable(name, "f8", (dimension,))
             variable.setncatts(attrs)
             variable[:] = values
+        for name, values in self._more.items():
+            out.createDimension(name, values.size)
+            out.createVariable(name, "i4", (name,))[:] = values
         for name, (dimension, values) in _bounds(grid).items():
             out.createVariable(name, "f8", (dimension, "bounds"))[:] = values
         status = out.createVariable("status", "i1", ())
@@ -235,7 +257,7 @@ class NetCDFRecorder:
                 variable.setncatts({"long_name": "time", "units": "time", "axis": "T"})
                 if times is not None:
                     variable[:] = times
-            for name, (dims, units, long_name) in VARIABLES[group].items():
+            for name, (dims, units, long_name) in self._variables[group].items():
                 variable = out.createVariable(name, "f8", (dimension, *dims), fill_value=np.nan)
                 variable.setncatts({"long_name": long_name, "units": units})
         self._sync()

@@ -495,9 +495,12 @@ class Rules:
         spread = np.abs(basis.maxwellian(np.ones(4096), self.u, self.theta)).max(axis=0)
         if scene.initial.eigenmodes:
             v = hermite_points(scene, basis, self.u0, self.theta0)
-            shapes = np.array([shape for _, shape in initial.eigenmode_shapes(scene, v, self.u0)])
-            coefficients = np.abs(basis.coefficients(shapes.real, v) + 1j * basis.coefficients(shapes.imag, v))
-            spread = np.maximum(spread, coefficients.max(axis=0))
+            background = initial.eigenmode_background(scene, v, self.u0)
+            shapes = np.array([background, *(shape for _, shape in initial.eigenmode_shapes(scene, v, self.u0))])
+            coefficients = np.abs(basis.coefficients(shapes.real, v) + 1j * basis.coefficients(shapes.imag, v)).max(axis=0)
+            if scene.operator == INELASTIC:
+                coefficients[coefficients < 1e-8] = 0.0  # rounding, as `hermite_points` says: up to 3e-9
+            spread = np.maximum(spread, coefficients)
         n = int(np.flatnonzero(spread > self.rtol / 10)[-1])
         if n >= MOST_HERMITE - 20:
             low, high = math.sqrt(float(self.theta.min())), math.sqrt(float(self.theta.max()))

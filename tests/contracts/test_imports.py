@@ -65,6 +65,12 @@ def test_cross_checks_are_independent(name: str) -> None:
         assert imports(path) <= INDEPENDENT[name] | {name}
 
 
+def test_the_particles_share_no_numerics_with_the_solver() -> None:
+    allowed = {"arrays", "scene", "initial", "homogeneous", "output", "grid"}
+    for path in (ROOT.parent / "particles").glob("*.py"):
+        assert imports(path) <= allowed
+
+
 def test_only_fourier_imports_pyfftw_and_only_output_writes_netcdf() -> None:
     for path in ROOT.rglob("*.py"):
         text = path.read_text(encoding="utf-8")

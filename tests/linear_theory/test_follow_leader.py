@@ -54,6 +54,36 @@ def test_eigenfunctions_solve_the_linearised_equation(make_scene: MakeScene, bra
     assert np.abs(s * delta - right).max() < 1e-9 * np.abs(s * delta).max()
 
 
+@pytest.mark.parametrize(("wavenumber", "number"), [(1e-4, 30.0), (0.01, 1e3), (5.0, 0.0), (5.0, 1e-6), (4.0, 30.0)])
+def test_eigenfunctions_at_extremes(wavenumber: float, number: float) -> None:
+    """Long and short waves, many collisions and none: Σ of the terms of the equation, h in powers of w, by Gauss's quadrature."""
+    flow = FollowLeaderFlow(number)
+    w, weights = np.polynomial.hermite_e.hermegauss(60)
+    weights = weights / math.sqrt(2 * math.pi)
+    for branch, s in enumerate(flow.rates(wavenumber, 3)[0]):
+        h = flow.eigenfunction(wavenumber, branch, w) / flow.distribution(w)
+        # Against polynomials g: s⟨g h⟩ = ⟨(g'' - wg' - ikwg)h⟩ + R[⟨g'h⟩ + ...], C of (6) being R[M⟨wh⟩ - w(Mh + M⟨h⟩)].
+        for n in range(4):
+            g = np.polynomial.hermite_e.HermiteE.basis(n)
+            drift = (number - w) * g.deriv()(w) + g.deriv(2)(w) - 1j * wavenumber * w * g(w)
+            collisions = number * ((weights @ g(w)) * (weights @ (w * h)) - weights @ (w * g(w) * h))
+            collisions -= number * (weights @ (w * g(w))) * (weights @ h)
+            terms = np.array([s * (weights @ (g(w) * h)), -(weights @ (drift * h)), -collisions])
+            size = np.abs(weights) @ np.abs(h) * (1 + number) * (1 + abs(s))
+            assert abs(terms.sum()) < 1e-11 * size
+        assert weights @ h == pytest.approx(1.0, abs=1e-11 * float(weights @ np.abs(h)))
+
+
+def test_the_homogeneous_state(make_scene: MakeScene) -> None:
+    """A Gaussian of variance σ about (g - Sρσ)/γ, of integral 1."""
+    scene = make_scene(collisions={"operator": "follow-the-leader", "cross_section": 1.7})
+    v = np.linspace(-5.0, 6.0, 7)
+    u = (1.3 - 1.7 * 0.8 * 0.5) / 0.7
+    assert mean_velocity(scene) == pytest.approx(u, rel=1e-14)
+    expected = np.exp(-((v - u) ** 2) / (2 * 0.5)) / math.sqrt(2 * math.pi * 0.5)
+    assert homogeneous_distribution(scene, v) == pytest.approx(expected, rel=1e-13)
+
+
 @pytest.mark.parametrize(("wavenumber", "number"), [(0.25, 1.0), (1.0, 2.0), (2.0, 0.0)])
 def test_density_gain(wavenumber: float, number: float) -> None:
     """⟨|φ_t|²⟩ against the density's row of exp(Gt)."""

@@ -19,7 +19,7 @@ from kinetic_solver.stability.hermite import (
     inelastic_equations,
     lyapunov_structure_factor,
 )
-from kinetic_solver.stability.inelastic import inelastic_flow
+from kinetic_solver.stability.inelastic import _discretisation, inelastic_flow
 
 MakeScene = Callable[..., Scene]
 FOLLOW = {"operator": "follow-the-leader", "cross_section": 1.7}
@@ -101,6 +101,45 @@ def test_convergence_in_functions(restitution: float, number: float, worst: floa
     base = flow._base
     more = inelastic_equations(restitution, number, base.temperature, base.w, base.f * base.dv, 64)
     assert flow.structure_factor(wavenumber) == pytest.approx(lyapunov_structure_factor(more, wavenumber), rel=worst)
+
+
+def fourier_structure_factor(restitution: float, number: float, wavenumbers: tuple[float, ...]) -> list[float]:
+    """S of (12) from g on velocity points, Γ from the Fourier coefficients of f_h; no Hermite function in it.
+
+    On exp(-iξ_n v) exp(-iξ_m v') a pair of f_l, f_j with l + j = n + m changes by
+    R ∫|r| [exp(i(ξ_l - (1-α)ξ_n - αξ_m)r) - exp(i(ξ_l - ξ_n)r)] dr. g has a kink where the partners meet: order 4 at small R.
+    """
+    grid = _discretisation(restitution, number, 5.5, 44.0)
+    f, middle = grid.to_waves @ grid.f, grid.count // 2
+    alpha, unit = (1 - restitution) / 2, np.pi / grid.half
+    n, m = np.meshgrid(grid.index, grid.index, indexing="ij")
+
+    def moment(places: np.ndarray) -> np.ndarray:
+        """∫_{-ϱ}^{ϱ} |r| exp(iξr) dr."""
+        x = unit * grid.range * places
+        with np.errstate(invalid="ignore"):
+            value = 2 * grid.range**2 * (np.sin(x) / x - 2 * (np.sin(x / 2) / x) ** 2)
+        return np.where(x == 0, grid.range**2, value)
+
+    source = np.zeros((grid.count, grid.count), dtype=complex)
+    for low in grid.index:
+        other = n + m - low
+        inside = np.abs(other) <= middle
+        pairs = np.where(inside, f[np.where(inside, other, 0) + middle], 0) * f[low + middle]
+        source += pairs * (moment(low - (1 - alpha) * n - alpha * m) - moment(low - n))
+    source *= number / (2 * grid.half)
+    on_points = (grid.to_points @ ((source + source.T) / 2) @ grid.to_points.T).real.astype(complex)
+    correlations = [solve_continuous_lyapunov(grid.generator(k), -on_points) for k in wavenumbers]
+    return [1 + float(g.sum().real) * grid.dv**2 for g in correlations]
+
+
+@pytest.mark.parametrize(("restitution", "number"), [(0.5, 10.0), (0.7, 30.0), (0.9, 100.0), (0.5, 300.0)])
+def test_inelastic_pair_correlations(restitution: float, number: float) -> None:
+    """Against another discretisation of g and of its source, where collisions are many enough for that one to converge."""
+    wavenumbers = (0.25, 1.0, 4.0)
+    flow = inelastic_flow(restitution, number)
+    expected = fourier_structure_factor(restitution, number, wavenumbers)
+    assert [flow.structure_factor(k) for k in wavenumbers] == pytest.approx(expected, rel=2e-7)
 
 
 def test_arguments_and_units(make_scene: MakeScene) -> None:

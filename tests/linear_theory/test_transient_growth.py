@@ -12,8 +12,12 @@ from scipy.linalg import expm
 
 from kinetic_solver.scene import Scene, SceneError
 from kinetic_solver.stability import density_gain, transient_growth
+from kinetic_solver.stability.amplification import growth_times
+from kinetic_solver.stability.closure import closure_generator
 from kinetic_solver.stability.flow import flow_of
+from kinetic_solver.stability.follow_leader import _enough_functions
 from kinetic_solver.stability.hermite import hermite_functions
+from kinetic_solver.stability.inelastic import _discretisation, inelastic_flow
 from kinetic_solver.stability.units import dimensionless
 
 MakeScene = Callable[..., Scene]
@@ -52,6 +56,38 @@ def test_density_gain_is_part_of_it(make_scene: MakeScene) -> None:
     assert growth["density_gain"].values == pytest.approx(closed, rel=1e-9, abs=1e-12)
     assert (closed <= growth["gain"].values * (1 + 1e-9)).all()
     assert growth["gain"].values[0] == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(("mode", "number"), [(1, 1.3), (3, 2.2)])
+def test_enough_functions(make_scene: MakeScene, mode: int, number: float) -> None:
+    """G of (6) to 1e-6: with twice as many Hermite functions it is the same."""
+    cross = number * 0.7 / math.sqrt(0.5) / 0.8
+    scene = make_scene(collisions={"operator": "follow-the-leader", "cross_section": cross})
+    times = np.array([0.3, 1.0, 2.5, 6.0])
+    k = dimensionless(scene, mode)
+    twice = closure_generator(k, number, 2 * _enough_functions(k, number))
+    expected = [np.linalg.norm(expm(0.7 * t * twice), 2) ** 2 for t in times]
+    assert transient_growth(scene, mode, times)["gain"].values == pytest.approx(expected, rel=2e-6)
+
+
+@pytest.mark.parametrize(("restitution", "number", "wavenumber"), [(0.3, 5.0, 1.0), (0.9, 300.0, 4.0), (0.0, 100.0, 0.25)])
+def test_density_gain_on_velocity_points(restitution: float, number: float, wavenumber: float) -> None:
+    """(12) in Hermite functions against velocity points: the norm of the linear form δf(0) → ∫δf(t) dv."""
+    flow, grid = inelastic_flow(restitution, number), _discretisation(restitution, number, 6.0, 44.0)
+    times = np.array([0.0, 0.1, 0.7, 3.0])
+    maxwellian = np.exp(-(grid.w**2) / (2 * flow.temperature)) / math.sqrt(2 * math.pi * flow.temperature)
+    forms = [expm(t * grid.generator(wavenumber)).sum(axis=0) for t in times]
+    expected = [float(np.sum(np.abs(form) ** 2 * maxwellian)) * grid.dv for form in forms]
+    assert flow.density_gain(wavenumber, times) == pytest.approx(expected, rel=1e-7)
+
+
+@pytest.mark.parametrize("cross", [0.6, 3.1, 6.0])
+@pytest.mark.parametrize("length", [2.0, 9.0, 600.0])
+def test_the_times_take_in_the_largest_growth(make_scene: MakeScene, cross: float, length: float) -> None:
+    """√G_ρ's maximum over `growth_times` is that over a hundred times as many, to 2e-3."""
+    scene = make_scene(collisions={"operator": "follow-the-leader", "cross_section": cross}, pipe={"length": length})
+    fine = density_gain(scene, 1, growth_times(scene, 1, 20_000))
+    assert math.sqrt(density_gain(scene).max()) == pytest.approx(math.sqrt(fine.max()), rel=2e-3)
 
 
 def test_nothing_grows_without_collisions(make_scene: MakeScene) -> None:
