@@ -162,11 +162,14 @@ def test_the_uncertainty_is_honest(restitution: float, number: float, wavenumber
 @pytest.mark.parametrize("restitution", [0.0, 0.3, 0.5, 0.7, 0.9, 0.99])
 def test_no_wave_grows(restitution: float) -> None:
     """A finding, not a theorem: docs/stability.md has the larger scan of benchmarks/linear_theory.py."""
+    unknown = 0
     for number in (0.1, 1.0, 10.0, 100.0, 300.0):
         flow = inelastic_flow(restitution, number)
         for wavenumber in (0.02, 0.25, 1.0, 4.0, 8.0):
             s, uncertainty = flow.rates(wavenumber, 1)
-            assert s[0].real + uncertainty[0] < 0
+            unknown += not np.isfinite(uncertainty[0])
+            assert np.isinf(uncertainty[0]) or s[0].real + uncertainty[0] < 0
+    assert unknown <= 1  # of nearly elastic particles, few collisions and short waves
 
 
 def test_waves_beyond_resolution_are_not_guessed() -> None:
