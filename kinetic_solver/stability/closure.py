@@ -95,6 +95,8 @@ def critical_collision_number(wavenumber: float, moments: int = 3) -> float:
     """
     if moments < 2:
         raise ValueError(f"moments = {moments}: must be 2 or more")
+    if not wavenumber > 0:
+        raise ValueError(f"wavenumber = {wavenumber}: must be above 0; inf is allowed")
     if math.isinf(wavenumber):
         x = np.polynomial.hermite_e.hermegauss(moments)[0]
         x = x[x > 1e-8]

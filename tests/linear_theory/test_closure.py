@@ -273,3 +273,18 @@ def test_figure_1() -> None:
     assert rho[-1] == pytest.approx(12_000, rel=1e-4)
     expected = critical_collision_number(2 * math.pi * 2 / 5.0)
     assert float(figure["critical_collision_number"].sel(mode=2)) == pytest.approx(expected)
+
+
+def test_arguments_out_of_range(make_scene: MakeScene) -> None:
+    from kinetic_solver.stability import apparent_critical_density, density_gain
+
+    scene = make_scene(collisions={"operator": "follow-the-leader", "cross_section": 1.7})
+    for wrong in (0, -1, 1.5):
+        with pytest.raises(ValueError, match=r"mode = .*: must be 1 or more, and whole"):
+            closure_rates(scene, wrong)
+    with pytest.raises(ValueError, match=r"wavenumber = 0"):
+        critical_collision_number(0.0)
+    with pytest.raises(ValueError, match=r"count = 0"):
+        apparent_critical_density(scene, 0)
+    with pytest.raises(ValueError, match=r"times = -1"):
+        density_gain(scene, 1, np.array([-1.0]))
