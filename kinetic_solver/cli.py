@@ -277,6 +277,8 @@ def stability(
                 raise SceneError("stability: nothing to do; allowed: a scene, a run's file, or --figure for Fig. 1 of the paper")
             _figure_1(output or Path("figure_1.nc"), overwrite)
             return
+        if output is not None and output.suffix == ".png":
+            raise SceneError(f"-o {output}: is for the dataset; allowed: a name that does not end in .png (--figure makes that)")
         run = scene if scene.suffix == ".nc" else None
         if run is not None and overrides:
             raise SceneError("--set: a run's file holds its scene; allowed: with SCENE.toml")
@@ -301,14 +303,17 @@ def _scene_of(run: Path) -> Scene:
 def _stability(scene: Scene, run: Path | None, output: Path | None, overwrite: bool) -> None:
     from kinetic_solver.output import attributes, open_run, write_dataset
     from kinetic_solver.stability.verdict import linear_theory, verdict
+    from kinetic_solver.threads import one_blas_thread
 
-    theory = linear_theory(scene)
-    sections = verdict(scene, theory)
+    # Matrices of a hundred rows: BLAS's threads would only wait for each other.
+    with one_blas_thread():
+        theory = linear_theory(scene)
+        sections = verdict(scene, theory)
     if run is not None:
         from kinetic_solver.compare import measured_lines, measured_rates
 
         with open_run(run) as dataset:
-            theory = theory.merge(measured_rates(dataset), combine_attrs="override")
+            theory = theory.merge(measured_rates(dataset), compat="override", combine_attrs="override")
         sections.append(("What the run did", measured_lines(theory)))
     for title, lines in sections:
         print(f"\n{title}")

@@ -56,6 +56,12 @@ def measured_rates(dataset: xr.Dataset, modes: int | Iterable[int] | None = None
     amplitudes = mode_amplitudes(dataset)
     fits = [_measure(dataset, scene, t, amplitudes, n) if n <= highest else None for n in numbers]
     result = growth_rates(scene, numbers)
+    for place, n in enumerate(numbers):
+        if (branch := _started(scene, n)) > 0:
+            s = kinetic_rates(scene, n, branch + 1)[0][branch]
+            result["kinetic_growth_rate"].values[place], result["kinetic_frequency"].values[place] = s.real, s.imag
+    branches = np.array([max(0, _started(scene, n)) for n in numbers])
+    result["branch"] = ("mode", branches, {"long_name": "branch of the kinetic s", "units": "1"})
 
     def add(name: str, values: list[float], long_name: str, units: str = "time-1") -> None:
         result[name] = ("mode", np.array(values, dtype=float), {"long_name": long_name, "units": units})
@@ -105,14 +111,18 @@ def mode_amplitudes(dataset: xr.Dataset) -> Complex:
 
 def _measure(dataset: xr.Dataset, scene: Scene, t: Array, amplitudes: Complex, mode: int) -> _Fit | None:
     predicted, gap = _branches(dataset, scene, mode)
-    if any(wave.mode == mode for wave in scene.initial.eigenmodes):
-        predicted, gap = predicted[:1], math.inf
+    branch, slowest = _started(scene, mode), predicted[0]
+    if branch >= 0:
+        predicted, gap = kinetic_rates(scene, mode, branch + 1)[0][-1:], math.inf
     noise, stochastic = _noise(dataset, scene, mode)
     c = amplitudes[:, mode]
     number = scene.groups.collision_number
     disturbance = np.maximum(noise, (1 + number) * _driven(amplitudes, mode))
     with np.errstate(divide="ignore", invalid="ignore"):
         relative = np.maximum(disturbance / np.abs(c), RELATIVE)
+    if branch > 0:
+        # The slowest branch, fed by rounding and nonlinearity, takes over in the end.
+        relative = np.maximum(relative, RELATIVE * np.exp((slowest.real - predicted[0].real) * t))
     window = _window(t, relative, gap, 2 * len(predicted) + 2)
     if window is None:
         return None
@@ -126,6 +136,11 @@ def _measure(dataset: xr.Dataset, scene: Scene, t: Array, amplitudes: Complex, m
     later = slice(min((first + last) // 2, last - 2 * len(predicted) - 1), last + 1)
     again, _ = _fit(t[later], c[later], weight[later], predicted)
     return _Fit(s, spread + abs(again - s) + error, float(t[first]), float(t[last]), last + 1 - first)
+
+
+def _started(scene: Scene, mode: int) -> int:
+    """The slowest branch in which the scene starts this mode; -1 where it does not start from its eigenmodes."""
+    return min((wave.branch for wave in scene.initial.eigenmodes if wave.mode == mode), default=-1)
 
 
 def _driven(amplitudes: Complex, mode: int) -> Array:

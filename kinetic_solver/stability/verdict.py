@@ -23,7 +23,8 @@ if TYPE_CHECKING:
 
 Section = tuple[str, list[str]]
 HIGHEST_MATRIX = 6.0
-"""R* up to which the norm's growth takes a second or less; the density's has a closed form at any."""
+SHORTEST_MATRIX = 5.0
+"""R* and k* up to which the norm's growth takes a second or less; the density's has a closed form at any."""
 
 
 def linear_theory(scene: Scene) -> xr.Dataset:
@@ -88,7 +89,7 @@ def _table(scene: Scene, theory: xr.Dataset) -> list[str]:
         ("Re s, kinetic", "(2)"),
         ("largest", "growth"),
         ("structure", "factor S"),
-        ("rms wave,", f"N = {scene.particles.count:.3g}"),
+        ("rms amplitude", f"N = {scene.particles.count:.3g}"),
     ]
     rows = []
     for n in theory["mode"].values:
@@ -101,7 +102,7 @@ def _table(scene: Scene, theory: xr.Dataset) -> list[str]:
                 "none" if none else f"{row['critical_density']:.6g}",
                 "" if none else "above" if rho > row["critical_density"] else "below",
                 f"{row['closure_growth_rate']:.5g}",
-                f"{row['kinetic_growth_rate']:.5g}",
+                "not computed" if math.isnan(row["kinetic_growth_rate"]) else f"{row['kinetic_growth_rate']:.5g}",
                 f"{row['largest_growth']:.4g}",
                 f"{row['structure_factor']:.5g}",
                 _percent(row["wave_amplitude"]),
@@ -128,13 +129,20 @@ def _kinetic(scene: Scene, theory: xr.Dataset) -> list[str]:
     rates = theory["kinetic_growth_rate"].values
     uncertainty = theory["kinetic_uncertainty"].values
     if np.isnan(rates).all():
-        return ["Not known: waves so short are beyond the numerical spectrum of operator (12); they die out within 0.1/γ."]
+        return ["Not computed: waves so short (k√θ_h/γ > 12) are beyond the numerical spectrum of operator (12)."]
     slowest = int(np.nanargmax(rates))
     mode = int(theory["mode"][slowest])
     how = "exactly" if not uncertainty.any() else f"to {uncertainty[slowest]:.1e}"
     if rates[slowest] > uncertainty[slowest]:
         return [f"Yes: mode {mode} grows as exp({rates[slowest]:.5g} t), known {how}."]
-    lines = [f"No: every wave decays in the end. The slowest, mode {mode}, as exp({rates[slowest]:.6g} t), known {how}."]
+    known = theory["mode"].values[~np.isnan(rates)]
+    if known.size < rates.size:
+        lines = [
+            f"No growing wave in modes {_ranges(known)}; the others are too short for the numerical spectrum (k√θ_h/γ > 12).",
+            f"The slowest, mode {mode}, decays as exp({rates[slowest]:.6g} t), known {how}.",
+        ]
+    else:
+        lines = [f"No: every wave decays in the end. The slowest, mode {mode}, as exp({rates[slowest]:.6g} t), known {how}."]
     if scene.operator == INELASTIC:
         lines.append("For operator (12) this is a numerical finding: no growing wave was found up to R* = 300.")
     elif scene.operator == FOLLOW_LEADER:
@@ -152,7 +160,7 @@ def _growth(scene: Scene, theory: xr.Dataset) -> list[str]:
             f"A density wave to {growth[best]:.4g} times a plain one of the same norm (∫|δf|²/M dv)^(1/2), M the Maxwellian:",
             f"mode {mode}, at t = {when:.3g}, from a wave of slow particles.",
         ]
-    if scene.groups.collision_number <= HIGHEST_MATRIX:
+    if scene.groups.collision_number <= HIGHEST_MATRIX and scene.groups.wavenumber <= SHORTEST_MATRIX:
         grown = transient_growth(scene, 1, growth_times(scene, 1, 40))
         gain, times = grown["gain"].values, grown["time"].values
         largest, when = math.sqrt(gain.max()), times[gain.argmax()]
@@ -165,19 +173,22 @@ def _noise(scene: Scene, theory: xr.Dataset) -> list[str]:
     factors = theory["structure_factor"].values
     contrast, ideal = math.sqrt(2 * factors.sum() / count), math.sqrt(2 * factors.size / count)
     lines = [
-        f"With N = {count} the density's modes 1 to 8 fluctuate by {_percent(contrast)} rms; of an ideal gas, {_percent(ideal)}."
+        f"With N = {count} (particles.count) the density, modes 1 to 8 together, deviates by {_percent(contrast)} rms;",
+        f"that of an ideal gas by {_percent(ideal)}. A mode's amplitude is 2√(S/N) rms.",
     ]
     if contrast > 0.3:
-        lines.append("That is not small: linear theory ends here, and the particles show clusters where (2) has none.")
+        lines.append("That is not small: linear theory ends here. Expect large density waves of particles where (2) has none.")
     apparent = apparent_critical_density(scene, count)
     if math.isfinite(apparent):
         number = apparent * scene.groups.collision_number / scene.initial.density
-        lines.append(f"Mode 1 has S = N at ρ = {apparent:.5g}, R* = {number:.4g}: an apparent critical density. It grows with N.")
+        lines.append(f"Mode 1 has S = N, waves of order one, at ρ = {apparent:.5g}, R* = {number:.4g}:")
+        lines.append("an apparent critical density, which grows with N.")
     return lines
 
 
 def _percent(value: float) -> str:
-    return f"{100 * value:.3g} %"
+    """Beyond 100 % no number: there linear theory has ended."""
+    return f"{100 * value:.3g} %" if value <= 1 else "over 100 %"
 
 
 def _ranges(numbers: np.ndarray) -> str:
