@@ -89,9 +89,9 @@ def advance(x, v, length, coefficients, step, k0, k1):  # type: ignore[no-untype
 
 @numba.njit(inline="always")
 def wrapped(x, length):  # type: ignore[no-untyped-def]
-    """x in [0, length). Within one period of it, by a comparison; rounding to `length` itself becomes 0."""
+    """x in [0, length). Within one period of it, by a comparison; rounding just below 0 or to `length` becomes 0."""
     if x < 0.0 or x >= length:
         x -= length * math.floor(x / length)
-        if x >= length:
+        if x < 0.0 or x >= length:
             x = 0.0
     return x
