@@ -55,7 +55,7 @@ def _collide(v, starts, rate, restitution, step, k0, k1, tally):  # type: ignore
         while True:
             a, b, c, d = words(COLLISIONS, cell, step, draw, k0, k1)
             elapsed -= math.log(unit(d))
-            if elapsed > expected:
+            if not elapsed <= expected:  # NaN ends it too
                 break
             draw += 1
             i = np.int64((a * np.uint64(n)) >> np.uint64(32))

@@ -150,7 +150,6 @@ def test_the_pipe_is_periodic() -> None:
         assert abs(np.exp(2j * np.pi * (place - x) / 2.5) - 1) < 1e-6
 
 
-@pytest.mark.xfail(reason="x/length rounds up to a whole number: wrapped returns -1 ulp instead of 0")
 def test_places_next_to_whole_periods() -> None:
     """x/length may round up to a whole number from below: the place is in [0, length) all the same."""
     rng = np.random.default_rng(6)
