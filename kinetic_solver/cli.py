@@ -303,12 +303,9 @@ def _scene_of(run: Path) -> Scene:
 def _stability(scene: Scene, run: Path | None, output: Path | None, overwrite: bool) -> None:
     from kinetic_solver.output import attributes, open_run, write_dataset
     from kinetic_solver.stability.verdict import linear_theory, verdict
-    from kinetic_solver.threads import one_blas_thread
 
-    # Matrices of a hundred rows: BLAS's threads would only wait for each other.
-    with one_blas_thread():
-        theory = linear_theory(scene)
-        sections = verdict(scene, theory)
+    theory = linear_theory(scene)
+    sections = verdict(scene, theory)
     if run is not None:
         from kinetic_solver.compare import measured_lines, measured_rates
 

@@ -133,7 +133,7 @@ def check_eigenmodes(scene: Scene, mean_velocity: float, temperature: float) -> 
                 f"allowed: {SHORTEST_EIGENMODE:g} or less"
             )
         rates, uncertainty = stability.kinetic_rates(scene, m.mode, m.branch + 1)
-        if uncertainty[-1] > 1e-3 * abs(rates[-1].real):
+        if not uncertainty[-1] <= 1e-3 * abs(rates[-1].real):  # NaN, where nothing is resolved, as well
             raise SceneError(
                 f"initial.eigenmodes: branch = {m.branch} of mode {m.mode} is not resolved (s = {rates[-1]:.3g} ± "
                 f"{uncertainty[-1]:.1g}); allowed: a lower branch or mode"

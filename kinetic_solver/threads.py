@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import functools
-from typing import Any
+from collections.abc import Callable
+from typing import Any, ParamSpec, TypeVar
+
+P = ParamSpec("P")
+R = TypeVar("R")
 
 
 def one_blas_thread() -> Any:
@@ -14,6 +18,17 @@ def one_blas_thread() -> Any:
     the number of cores.
     """
     return _controller().limit(limits=1, user_api="blas")
+
+
+def with_one_blas_thread(function: Callable[P, R]) -> Callable[P, R]:
+    """The function, always on one BLAS thread: small matrices are slower on two, many times so where the cores are busy."""
+
+    @functools.wraps(function)
+    def wrapped(*args: P.args, **kwargs: P.kwargs) -> R:
+        with one_blas_thread():
+            return function(*args, **kwargs)
+
+    return wrapped
 
 
 @functools.cache

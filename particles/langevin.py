@@ -41,7 +41,7 @@ class LangevinStep:
         v_noise = math.sqrt(sigma * -math.expm1(-2 * tau))
         half = h / 2 * (math.tanh(tau / 2) / (tau / 2) if tau else 1.0)
         x_noise = h * math.sqrt(2 * sigma * tau * _excess(tau))
-        return cls(reach, g * fall, half * v_noise, x_noise, 1 - decayed, g * reach, v_noise)
+        return cls(reach, g * fall, half * v_noise, x_noise, math.exp(-tau), g * reach, v_noise)
 
 
 def _relative(tau: float, decayed: float) -> float:

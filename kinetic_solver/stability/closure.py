@@ -14,6 +14,7 @@ import numpy as np
 
 from kinetic_solver.scene import FOLLOW_LEADER, INELASTIC, Scene
 from kinetic_solver.stability.units import Complex, stationary, wavenumber
+from kinetic_solver.threads import with_one_blas_thread
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -97,16 +98,17 @@ def critical_collision_number(wavenumber: float, moments: int = 3) -> float:
         raise ValueError(f"moments = {moments}: must be 2 or more")
     if not wavenumber > 0:
         raise ValueError(f"wavenumber = {wavenumber}: must be above 0; inf is allowed")
-    if math.isinf(wavenumber):
-        x = np.polynomial.hermite_e.hermegauss(moments)[0]
+    if moments == 3:
+        # ω²/k², in which nothing overflows or cancels
+        u = (3 + math.hypot(3, 4 / math.sqrt(3) / wavenumber)) / 2
+        return math.sqrt(u) * (1 - 2 / (3 * u))
+    if wavenumber > 1e7:  # double precision sees no more than the limit, which is reached as 1/k*²
+        from scipy.linalg import eigh_tridiagonal
+
+        x = eigh_tridiagonal(np.zeros(moments), np.sqrt(np.arange(1.0, moments)), eigvals_only=True)
         x = x[x > 1e-8]
         return float(((x * x + 2 * (moments - 1)) / (3 * x)).min())
-    if moments != 3:
-        return _marginal(wavenumber, moments)
-    a = wavenumber * wavenumber
-    w = (3 * a + math.sqrt(9 * a * a + 16 / 3 * a)) / 2
-    # 2 + 3a - w without the cancellation of 3a against w at large k: w - 3a = (4/3)a/w.
-    return math.sqrt(w) * (2 - (4 / 3) * a / w) / (2 * wavenumber)
+    return _marginal(wavenumber, moments)
 
 
 def closure_generator(wavenumber: float, collision_number: float, moments: int) -> Complex:
@@ -123,6 +125,7 @@ def closure_generator(wavenumber: float, collision_number: float, moments: int) 
     return generator
 
 
+@with_one_blas_thread
 def _marginal(wavenumber: float, moments: int) -> float:
     from scipy.linalg import eig
     from scipy.optimize import brentq

@@ -25,8 +25,11 @@ from kinetic_solver.scene import SceneError
 from kinetic_solver.stability.closure import closure_generator
 from kinetic_solver.stability.hermite import HermiteEquations, follow_leader_equations
 from kinetic_solver.stability.units import Complex
+from kinetic_solver.threads import with_one_blas_thread
 
 MOST_FUNCTIONS = 512
+SHORTEST_WAVE = 36.0
+"""k* of eigenfunctions, which reach exp(k*²/2) at unit density."""
 
 
 @dataclass(frozen=True)
@@ -46,6 +49,8 @@ class FollowLeaderFlow:
     def eigenfunction(self, wavenumber: float, branch: int, w: Array) -> Complex:
         """M h_n with h_n = (κ/ik) exp(-ikw + k²/2) He_n(w + R + 2ik)/κⁿ - R/ik, of unit density."""
         k, number = wavenumber, self.collision_number
+        if k > SHORTEST_WAVE:
+            raise SceneError(f"k* = {k:.4g}: a wave so short overflows at unit density; allowed: up to {SHORTEST_WAVE:g}")
         kappa = number + 1j * k
         z = (np.asarray(w, dtype=float) + number + 2j * k) / kappa
         # He_n(κz)/κⁿ by its recurrence, the powers of κ divided out
@@ -99,6 +104,7 @@ def _excess(t: Array, q: Array) -> Array:
 
 
 @functools.lru_cache(maxsize=256)
+@with_one_blas_thread
 def _enough_functions(wavenumber: float, collision_number: float) -> int:
     """Hermite polynomials with which the norm of exp(Gt) is converged to 1e-6 at t = 1/2, 1 and 2."""
     from scipy.linalg import expm

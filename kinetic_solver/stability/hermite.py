@@ -7,8 +7,9 @@ the number of functions: tests/linear_theory/test_structure_factor.py.
 
 from __future__ import annotations
 
+import functools
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,10 +26,15 @@ class HermiteEquations:
     """da/dt = (at_rest - ik√b J) a, with (yφ)_n = Σ J_nm φ_m; and what collisions of N particles do to pairs."""
 
     at_rest: Array
-    correlation_source: Array
-    """Γ_nm = R ∫∫_{v > v'} f_h f_h' (v - v') [φ_n φ_m' + φ_n' φ_m after the collision - the same before it]."""
+    correlation: Callable[[], Array]
+    """Γ, computed when it is asked for."""
     variance: float
     """b."""
+
+    @functools.cached_property
+    def correlation_source(self) -> Array:
+        """Γ_nm = R ∫∫_{v > v'} f_h f_h' (v - v') [φ_n φ_m' + φ_n' φ_m after the collision - the same before it]."""
+        return self.correlation()
 
     @property
     def count(self) -> int:
@@ -71,13 +77,17 @@ def matrix_density_gain(equations: HermiteEquations, wavenumber: float, times: A
 
 def follow_leader_equations(collision_number: float, count: int) -> HermiteEquations:
     """(6): exact but for the cut after `count` functions. The faster of two takes the velocity of the slower."""
-    source = np.zeros((count, count))
-    for fast, slow, weight in _pairs(count):
-        at_fast, at_slow = (hermite_functions(w, np.exp(-(w**2) / 4), count) for w in (fast, slow))
-        together = (at_slow * (weight * np.exp(-(fast**2) / 2))) @ at_slow.T
-        before = (at_fast * (weight * np.exp(-(fast**2 + slow**2) / 4))) @ at_slow.T
-        source += 2 * together - before - before.T
-    return HermiteEquations(closure_generator(0.0, collision_number, count).real, collision_number * source, 1.0)
+
+    def correlation() -> Array:
+        source = np.zeros((count, count))
+        for fast, slow, weight in _pairs(count):
+            at_fast, at_slow = (hermite_functions(w, np.exp(-(w**2) / 4), count) for w in (fast, slow))
+            together = (at_slow * (weight * np.exp(-(fast**2) / 2))) @ at_slow.T
+            before = (at_fast * (weight * np.exp(-(fast**2 + slow**2) / 4))) @ at_slow.T
+            source += 2 * together - before - before.T
+        return collision_number * source
+
+    return HermiteEquations(closure_generator(0.0, collision_number, count).real, correlation, 1.0)
 
 
 def inelastic_equations(
@@ -106,7 +116,7 @@ def inelastic_equations(
     n = np.arange(float(count))
     fokker_planck = np.diag(-n) + (1 / variance - 1) * np.diag(np.sqrt(n[2:] * (n[2:] - 1)), -2)
     rate = collision_number * math.sqrt(variance)
-    return HermiteEquations(fokker_planck + rate * collisions, rate * source, variance)
+    return HermiteEquations(fokker_planck + rate * collisions, lambda: rate * source, variance)
 
 
 def _pairs(count: int) -> Iterator[tuple[Array, Array, Array]]:

@@ -26,6 +26,7 @@ from kinetic_solver.scene import SceneError
 from kinetic_solver.stability.closure import closure_temperature
 from kinetic_solver.stability.hermite import HermiteEquations, inelastic_equations, lyapunov_structure_factor, matrix_density_gain
 from kinetic_solver.stability.units import Complex
+from kinetic_solver.threads import with_one_blas_thread
 
 DIGITS = 44.0
 POINTS = 4.5
@@ -34,12 +35,19 @@ SHORTEST_WAVE = 12.0
 """k*√(θ_h/σ) up to which the spectrum is computed: free flight shears a wave as exp(-ikw), and that needs ever more points."""
 
 
+WORST_UNCERTAINTY = 0.01
+"""Of s, or of γ where |s| is less: beyond it the spectrum is that of rounding errors, which no longer tell their size."""
+LONGEST_WAVE = 0.01
+"""k* below which the Lyapunov equation loses its digits as 1/k*²; S(k) is even and smooth there."""
+
+
 @functools.lru_cache(maxsize=64)
 def inelastic_flow(restitution: float, collision_number: float) -> InelasticFlow:
     return InelasticFlow(restitution, collision_number)
 
 
 class InelasticFlow:
+    @with_one_blas_thread
     def __init__(self, restitution: float, collision_number: float) -> None:
         self.restitution = restitution
         self.collision_number = collision_number
@@ -57,10 +65,11 @@ class InelasticFlow:
             return self._base
         return _discretisation(self.restitution, self.collision_number, POINTS + 1.5 * more, DIGITS)
 
+    @with_one_blas_thread
     def rates(self, wavenumber: float, count: int) -> tuple[Complex, Array]:
         """Eigenvalues of the generator. Their uncertainty is the distance to those on a coarser grid in a narrower window, or
         what rounding does to them, whichever is more: the latter where short waves meet few collisions. NaN, uncertain by inf,
-        for waves that are not resolved."""
+        for waves that are not resolved, and where the uncertainty is no longer a small change: above `WORST_UNCERTAINTY`."""
         from scipy.linalg import eig
 
         if not self.resolves(wavenumber):
@@ -74,11 +83,14 @@ class InelasticFlow:
         other = np.linalg.eigvals(coarse.generator(wavenumber))
         condition = 1 / np.abs(np.sum(left[:, order].conj() * right[:, order], axis=0))
         rounding = np.finfo(float).eps * np.linalg.norm(generator, 2) * condition
-        return s, np.maximum(np.abs(s[:, None] - other[None, :]).min(axis=1), rounding)
+        uncertainty = np.maximum(np.abs(s[:, None] - other[None, :]).min(axis=1), rounding)
+        known = uncertainty <= WORST_UNCERTAINTY * np.maximum(np.abs(s), 1.0)
+        return np.where(known, s, np.nan), np.where(known, uncertainty, np.inf)
 
     def distribution(self, w: Array) -> Array:
         return self._base.interpolate(self._base.f, w).real
 
+    @with_one_blas_thread
     def eigenfunction(self, wavenumber: float, branch: int, w: Array) -> Complex:
         if not self.resolves(wavenumber):
             raise SceneError(f"k* = {wavenumber:.4g}: too short a wave for the spectrum of operator (12); allowed: a longer one")
@@ -95,13 +107,18 @@ class InelasticFlow:
     def equations(self, wavenumber: float) -> HermiteEquations:
         return self._hermite
 
+    @with_one_blas_thread
     def density_gain(self, wavenumber: float, times: Array) -> Array:
         """By matrix exponentials, in `FUNCTIONS` Hermite functions."""
         return matrix_density_gain(self._hermite, wavenumber, times)
 
+    @with_one_blas_thread
     def structure_factor(self, wavenumber: float) -> float:
-        """From the Lyapunov equation; S → σ/(d(ρθ)/dρ) for k → 0."""
-        return lyapunov_structure_factor(self._hermite, wavenumber)
+        """From the Lyapunov equation; S → σ/(d(ρθ)/dρ) for k → 0. Below `LONGEST_WAVE` by a parabola in k."""
+        if wavenumber >= LONGEST_WAVE:
+            return lyapunov_structure_factor(self._hermite, wavenumber)
+        once, twice = (lyapunov_structure_factor(self._hermite, n * LONGEST_WAVE) for n in (1, 2))
+        return once + (once - twice) / 3 * (1 - (wavenumber / LONGEST_WAVE) ** 2)
 
 
 def _leading(s: Complex) -> NDArray[np.intp]:
@@ -152,8 +169,7 @@ class _Discretisation:
             return self.collision_number / 2 * (gain - _moment(unit * m, self.range) - _moment(unit * low, self.range))
 
         self._m = np.where(kept, m + self.count // 2, 0)
-        self._quadratic = np.where(kept, half_of_k(low, m), 0.0)
-        self._linear = np.where(kept, self._quadratic + half_of_k(m, low), 0.0)
+        self._quadratic = np.where(kept, half_of_k(low, m), 0.0)  # symmetric in l and m
 
     def _homogeneous(self, guess: float) -> Array:
         """0 = ∂(wf + ∂f) + C[f], ∫f = 1, by Newton's method from the closure's Maxwellian."""
@@ -175,7 +191,7 @@ class _Discretisation:
     def linear_collisions(self, f: Array) -> Array:
         """δf → C linearised about f, on points."""
         waves = self.to_waves @ f
-        return (self.to_points @ (self._linear * waves[self._m]) @ self.to_waves).real
+        return (self.to_points @ (2 * self._quadratic * waves[self._m]) @ self.to_waves).real
 
     @functools.cached_property
     def _at_rest(self) -> Array:

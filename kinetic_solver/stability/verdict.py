@@ -10,8 +10,8 @@ import numpy as np
 from kinetic_solver.scene import FOLLOW_LEADER, INELASTIC, Scene
 from kinetic_solver.stability.amplification import (
     apparent_critical_density,
-    density_gain,
     growth_times,
+    largest_density_gain,
     structure_factor,
     transient_growth,
 )
@@ -37,10 +37,9 @@ def linear_theory(scene: Scene) -> xr.Dataset:
     dataset["structure_factor"] = structure_factor(scene, FIRST_MODES)
     largest, when = [], []
     for mode in FIRST_MODES:
-        times = growth_times(scene, mode, 60)
-        gain = density_gain(scene, mode, times)
-        largest.append(math.sqrt(gain.max()))
-        when.append(float(times[gain.argmax()]))
+        gain, time = largest_density_gain(scene, mode)
+        largest.append(math.sqrt(gain))
+        when.append(time)
     noise = 2 * np.sqrt(dataset["structure_factor"].values / scene.particles.count)
     for name, values, long_name, units in (
         ("largest_growth", largest, "largest transient growth of a density wave, √max G_ρ", "1"),
@@ -129,16 +128,18 @@ def _kinetic(scene: Scene, theory: xr.Dataset) -> list[str]:
     rates = theory["kinetic_growth_rate"].values
     uncertainty = theory["kinetic_uncertainty"].values
     if np.isnan(rates).all():
-        return ["Not computed: waves so short (k√θ_h/γ > 12) are beyond the numerical spectrum of operator (12)."]
+        return ["Not computed: waves so short are beyond the numerical spectrum of operator (12)."]
     slowest = int(np.nanargmax(rates))
     mode = int(theory["mode"][slowest])
     how = "exactly" if not uncertainty.any() else f"to {uncertainty[slowest]:.1e}"
     if rates[slowest] > uncertainty[slowest]:
         return [f"Yes: mode {mode} grows as exp({rates[slowest]:.5g} t), known {how}."]
+    if not (rates + uncertainty < 0)[~np.isnan(rates)].all():
+        return [f"Not known: Re s of mode {mode} is {rates[slowest]:.2g}, uncertain by {uncertainty[slowest]:.1e}."]
     known = theory["mode"].values[~np.isnan(rates)]
     if known.size < rates.size:
         lines = [
-            f"No growing wave in modes {_ranges(known)}; the others are too short for the numerical spectrum (k√θ_h/γ > 12).",
+            f"No growing wave in modes {_ranges(known)}; short waves of the others are beyond the numerical spectrum.",
             f"The slowest, mode {mode}, decays as exp({rates[slowest]:.6g} t), known {how}.",
         ]
     else:
