@@ -15,7 +15,7 @@ import typer
 if TYPE_CHECKING:
     from kinetic_solver.scene import Scene
 
-FAILED, WRONG, INTERRUPTED = 1, 2, 130
+FAILED, WRONG, UNFINISHED, INTERRUPTED = 1, 2, 3, 130
 
 app = typer.Typer(
     name="kinetic-solver",
@@ -68,11 +68,14 @@ def _fail(error: BaseException, code: int) -> typer.Exit:
 
 @contextmanager
 def _exit_codes() -> Iterator[None]:
-    """SceneError → 2, a run that cannot go on → 1; one line each."""
+    """SceneError → 2, a run that cannot go on → 1, one that can be resumed → 3; one line each."""
     from kinetic_solver.scene import SceneError
 
     try:
         yield
+    except _WalltimeOver as stop:
+        print(stop, file=sys.stderr)
+        raise typer.Exit(UNFINISHED) from None
     except SceneError as error:
         raise _fail(error, WRONG) from None
     except (RuntimeError, MemoryError, OSError) as error:
@@ -107,6 +110,10 @@ def run(
     overrides: Overrides = None,
     overwrite: Overwrite = False,
     certified: Annotated[bool, typer.Option("--certify", help="Run again refined; add error bars and observed orders.")] = False,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on from where a run of particles was stopped.")] = False,
+    max_walltime: Annotated[
+        float | None, typer.Option(metavar="S", help="Stop particles after S seconds, at a frame, to be resumed; exit code 3.")
+    ] = None,
 ) -> None:
     """Solve a scene and write a netCDF file."""
     with _exit_codes():
@@ -118,10 +125,19 @@ def run(
         target = output or Path(scene.stem + ".nc")
         if certified and method != "grid":
             raise SceneError(f"--certify: is for --method grid; {method!r} has no discretisation to refine")
-        _METHODS[method](loaded, target, overwrite)
+        if (resume or max_walltime is not None) and method != "particles":
+            raise SceneError("--resume, --max-walltime: are for --method particles; other methods start afresh with --overwrite")
+        if max_walltime is not None and not max_walltime >= 0:
+            raise SceneError(f"--max-walltime {max_walltime:g}: allowed: 0 or more seconds")
+        if resume and overwrite:
+            raise SceneError("--resume, --overwrite: allowed: one of them")
+        if method == "particles":
+            _run_particles(loaded, target, overwrite, resume, max_walltime)
+        else:
+            _METHODS[method](loaded, target, overwrite)
         if certified:
             _certify(loaded, target)
-        print(f"wrote {target}")
+        print(f"{target} is complete" if resume else f"wrote {target}")
 
 
 def _run_grid(scene: Scene, target: Path, overwrite: bool) -> None:
@@ -162,33 +178,66 @@ def _run_exact(scene: Scene, target: Path, overwrite: bool) -> None:
     write_dataset(exact.solve(scene), target, overwrite)
 
 
-def _run_particles(scene: Scene, target: Path, overwrite: bool) -> None:
+def _run_particles(scene: Scene, target: Path, overwrite: bool, resume: bool = False, walltime: float | None = None) -> None:
     from time import monotonic
 
     from kinetic_solver.output import NetCDFRecorder
-    from particles.simulation import VARIABLES_OF_PARTICLES, coordinates, make_plan, report
+    from particles.checkpoint import Checkpoint, finished
+    from particles.plan import make_plan
+    from particles.records import coordinates, report, variables
+    from particles.simulation import Simulation
     from particles.simulation import run as run_particles
 
-    plan = make_plan(scene)
-    recorder = NetCDFRecorder(target, plan.grid, scene, "particles", overwrite, VARIABLES_OF_PARTICLES, coordinates(plan))
     began = monotonic()
-    try:
-        with _progress() as progress:
-            done = run_particles(plan, recorder, progress)
-    except BaseException as stop:
-        recorder.close(stopped=f"interrupted by {type(stop).__name__} {stop}".strip())
-        raise
-    said = report(plan)
-    recorder.close(report=said)
+    plan = make_plan(scene)
+    scene, said = plan.scene, report(plan)
+    if resume and finished(target, scene):
+        print("it has finished already")
+        return
+    checkpoint = Checkpoint(target, scene)
+    state = checkpoint.load() if resume and target.exists() else None
+    after = None if state is None else float(state["time"])
+    table = variables(plan)
+    recorder = NetCDFRecorder(target, plan.grid, scene, "particles", overwrite or resume, table, coordinates(plan), after)
+    if state is None:
+        checkpoint.remove()
     if "warning" in said:
         print(f"warning: {said['warning']}", file=sys.stderr)
+
+    def after_frame(simulation: Simulation) -> None:
+        late = walltime is not None and monotonic() - began > walltime and simulation.time < scene.run.end_time
+        if checkpoint.due or late:
+            checkpoint.save(simulation.state())
+        if late:
+            raise _WalltimeOver(f"stopped at t = {simulation.time:g} after {walltime:g} s; go on with --resume")
+
+    try:
+        with _progress() as progress:
+            done = run_particles(plan, recorder, progress, after_frame, state)
+    except BaseException as stop:
+        text = str(stop)
+        recorder.close(
+            stopped=text if isinstance(stop, _WalltimeOver) else f"interrupted by {type(stop).__name__} {text}".strip()
+        )
+        raise
+    recorder.close(report=said)
+    checkpoint.remove()
+    steps = done.number - (int(state["number"]) if state is not None else 0)
     particles = scene.particles.count * scene.particles.replicas
-    speed = particles * done.number / (monotonic() - began) / 1e6
-    print(f"{particles} particles, {done.number} steps, {speed:.3g} million particle-steps a second, start and output included")
+    speed = particles * steps / (monotonic() - began) / 1e6
+    print(f"{particles} particles, {steps} steps, {speed:.3g} million particle-steps a second, start and output included")
     print(f"memory of the ensemble {plan.memory / 2**20:.0f} MiB; {done.collisions} collisions; cells: {said['cells']}")
 
 
-_METHODS = {"grid": _run_grid, "exact": _run_exact, "particles": _run_particles}
+class _WalltimeOver(Exception):
+    """The time given on the command line is over; a checkpoint is written."""
+
+
+_METHODS: dict[str, Callable[[Scene, Path, bool], None]] = {
+    "grid": _run_grid,
+    "exact": _run_exact,
+    "particles": _run_particles,
+}
 
 
 @contextmanager
@@ -248,7 +297,14 @@ def describe(scene: ScenePath, overrides: Overrides = None) -> None:
     with _exit_codes():
         from kinetic_solver.describe import describe as sections
 
-        for title, rows in sections(_load(scene, overrides)):
+        loaded = _load(scene, overrides)
+        found = sections(loaded)
+        if "particles" in loaded.model_fields_set:
+            from particles.plan import make_plan
+            from particles.records import rows as rows_of_particles
+
+            found.append(("Run as particles (--method particles)", rows_of_particles(make_plan(loaded))))
+        for title, rows in found:
             print(f"\n{title}")
             width = max(len(label) for label, _ in rows)
             for label, text in rows:

@@ -201,7 +201,8 @@ class NetCDFRecorder:
 
     The file comes into being with the first frame, so a scene that is refused leaves none.
 
-    Groups with a cadence of their own have a time dimension of known length, whose frames to come are NaN.
+    Groups with a cadence of their own have a time dimension of known length, whose frames to come are NaN. With `after` the file
+    is one that a stopped run left, and goes on with the frame that follows that time.
     Raises SceneError where the file exists and may not be overwritten, or cannot be created.
     """
 
@@ -214,9 +215,10 @@ class NetCDFRecorder:
         overwrite: bool = False,
         variables: Variables = VARIABLES,
         coordinates: Mapping[str, np.ndarray] | None = None,
+        after: float | None = None,
     ) -> None:
         self.path = Path(path)
-        if self.path.exists() and not overwrite:
+        if self.path.exists() and not overwrite and after is None:
             raise SceneError(f"{self.path}: exists already; use --overwrite to replace it, or name another file with -o")
         if not self.path.parent.is_dir():
             raise SceneError(f"{self.path}: cannot be created (its folder does not exist)")
@@ -225,6 +227,23 @@ class NetCDFRecorder:
         self._variables, self._more = variables, coordinates or {}
         self._dimensions = _time_dimensions(scene, variables)
         self._count = dict.fromkeys(self._dimensions.values(), 0)
+        if after is not None:
+            self._reopen(after)
+
+    def _reopen(self, after: float) -> None:
+        import netCDF4
+
+        try:
+            self._file = netCDF4.Dataset(self.path, "a")
+        except OSError as error:
+            raise SceneError(f"{self.path}: cannot be continued ({error.strerror})") from None
+        for dimension in self._count:
+            times = np.ma.filled(self._file[dimension][:], np.inf)
+            self._count[dimension] = int((times <= after * (1 + 1e-12)).sum())
+        self._file["status"][...] = RUNNING
+        if "stopped" in self._file.ncattrs():
+            self._file.delncattr("stopped")
+        self._sync()
 
     def _create(self) -> None:
         import netCDF4

@@ -227,6 +227,8 @@ class Output(_Table):
     """Rates of momentum and energy by term, what each term has brought since time 0, and the residual."""
     moment_equations: Cadence = False
     """Every term of the moment equations (3)-(5), with the heat-flux terms that the paper neglects."""
+    particles: Cadence = False
+    """Position and velocity of every particle; particles alone have them."""
 
 
 class Accuracy(_Table):

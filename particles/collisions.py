@@ -22,6 +22,10 @@ FOLLOW = -1.0
 """In the place of a restitution coefficient: the faster particle takes the velocity of the slower, operator (6)."""
 
 
+DRAWS = 2**24
+"""Of one cell in one step, that a counter tells apart."""
+
+
 def collide(
     v: Array,
     starts: NDArray[np.int64],
@@ -35,8 +39,13 @@ def collide(
 
     `rate` is S w h/Δx for the step h: the mean number of collisions of a pair, per |v - v'|. `restitution` is ε of (12), or
     `FOLLOW`. `tally` (cells, 2) receives candidates and collisions of each cell. (12) conserves momentum to round-off.
+    Raises RuntimeError where a cell needs more draws than the generator's counter has.
     """
     _collide(v, starts, rate, restitution, np.uint64(number), key[0], key[1], tally)
+    if tally[:, 0].max() >= DRAWS:
+        raise RuntimeError(
+            f"step {number}: more than {DRAWS} candidate pairs in a cell; raise particles.cells or reduce particles.time_step"
+        )
 
 
 @numba.njit(parallel=True, cache=True)
@@ -55,7 +64,7 @@ def _collide(v, starts, rate, restitution, step, k0, k1, tally):  # type: ignore
         while True:
             a, b, c, d = words(COLLISIONS, cell, step, draw, k0, k1)
             elapsed -= math.log(unit(d))
-            if not elapsed <= expected:  # NaN ends it too
+            if not elapsed <= expected or draw == DRAWS:  # NaN ends it too
                 break
             draw += 1
             i = np.int64((a * np.uint64(n)) >> np.uint64(32))

@@ -21,7 +21,10 @@ BLOCKS = 64
 
 
 class Ensemble:
-    """Positions x in [0, length) and velocities v, shape (n,). After a sort `starts` (cells + 1,) says where each cell begins."""
+    """Positions x in [0, length) and velocities v, shape (n,). After a sort `starts` (cells + 1,) says where each cell begins.
+
+    Takes over the arrays it is given. Raises RuntimeError in a step after which a place or a velocity is not finite.
+    """
 
     def __init__(self, x: Array, v: Array, length: float, cells: int) -> None:
         self.length, self.cells = length, cells
@@ -29,6 +32,7 @@ class Ensemble:
         self._other_x, self._other_v = np.empty_like(self.x), np.empty_like(self.v)
         self._cell = np.empty(self.x.size, dtype=np.int32)
         self._counts = np.empty((BLOCKS, cells), dtype=np.int64)
+        self._lost = np.empty(BLOCKS, dtype=np.int64)
         self.starts: NDArray[np.int64] = np.empty(cells + 1, dtype=np.int64)
 
     @property
@@ -38,26 +42,40 @@ class Ensemble:
     def advance(self, step: LangevinStep, number: int, key: NDArray[np.uint64]) -> None:
         """The Langevin step, without sorting."""
         advance(self.x, self.v, self.length, astuple(step), number, key[0], key[1])
+        if not np.isfinite(self.x.min() + self.v.min() + self.v.max()):
+            raise _lost(number)
 
     def advance_and_sort(self, step: LangevinStep, number: int, key: NDArray[np.uint64]) -> None:
         """The same, after which particles lie in the order of their cells."""
-        coefficients = astuple(step)
-        _advance_and_count(self.x, self.v, self._cell, self._counts, self.length, coefficients, np.uint64(number), key[0], key[1])
+        arrays = self.x, self.v, self._cell, self._counts, self._lost
+        _advance_and_count(*arrays, self.length, astuple(step), np.uint64(number), key[0], key[1])
+        if self._lost.any():
+            raise _lost(number)
         _places(self._counts, self.starts)
         _scatter(self.x, self.v, self._cell, self._counts, self._other_x, self._other_v)
         self.x, self._other_x = self._other_x, self.x
         self.v, self._other_v = self._other_v, self.v
 
 
+def _lost(number: int) -> RuntimeError:
+    return RuntimeError(
+        f"step {number}: places or velocities of particles are not finite; reduce what [model] or [initial] gives"
+    )
+
+
 @numba.njit(parallel=True, cache=True)
-def _advance_and_count(x, v, cell, counts, length, coefficients, step, k0, k1):  # type: ignore[no-untyped-def]
-    """One Langevin step in place; the new cell of each particle; counts (blocks, cells) of them."""
+def _advance_and_count(x, v, cell, counts, lost, length, coefficients, step, k0, k1):  # type: ignore[no-untyped-def]
+    """One Langevin step in place; the new cell of each particle; counts (blocks, cells) of them; how many a block has lost."""
     blocks, cells = counts.shape
     per_length = cells / length
     for b in numba.prange(blocks):
         counts[b] = 0
+        lost[b] = 0
         for i in range(b * x.size // blocks, (b + 1) * x.size // blocks):
             x[i], v[i] = moved(x[i], v[i], length, coefficients, i, step, k0, k1)
+            if not (x[i] >= 0.0 and abs(v[i]) < np.inf):  # NaN has no cell
+                lost[b] += 1
+                x[i] = 0.0
             c = min(np.int32(x[i] * per_length), np.int32(cells - 1))
             cell[i] = c
             counts[b, c] += 1

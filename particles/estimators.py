@@ -128,10 +128,12 @@ def fields(samples: list[Sample], length: float, nx: int, v: Array) -> dict[str,
     """Means over replicas as point values at x_i = i L/nx and v (nv,), the variables of docs/output.md, and their errors.
 
     f (nx, nv); density, mean_velocity, temperature, heat_flux (nx,); velocity_distribution (nv,); mass, momentum, energy; of all
-    but the heat flux `<name>_stderr` too, the standard error of the mean over replicas: NaN where there is one. Those of u and θ
-    are the delta method's, the replicas' scatter of (j - uρ)/ρ and (e - 2uj + (u² - θ)ρ)/ρ with e = ∫v² f dv, to relative O(1/n)
-    (test_standard_errors). Where ρ, cut off after M waves, is not positive, u, θ and q are NaN: n is too small there. The error
-    of f is 0 in bins where no replica has a particle, too few for an error. An even nx has its Nyquist mode set to zero.
+    but the heat flux `<name>_stderr` too, the standard error of the mean over replicas: NaN where there is one; of all but f and
+    the heat flux `<name>_replica` (replica, …), whose mean and standard error these are. Those of u and θ are linear in the
+    replica's moments: u + (j - uρ)/ρ̄ and θ + (e - 2uj + (u² - θ)ρ)/ρ̄, with e = ∫v² f dv and u, θ, ρ̄ of all replicas (the delta
+    method, right to relative O(1/n): test_standard_errors). Where ρ, cut off after M waves, is not positive, u, θ and q are NaN:
+    n is too small there. The error of f is 0 in bins where no replica has a particle, too few for an error. An even nx has its
+    Nyquist mode set to zero.
     """
     modes = np.array([sample.modes for sample in samples])
     rho, j, e, third = np.moveaxis(_points(modes, nx, axis=2), 1, 0)
@@ -144,13 +146,19 @@ def fields(samples: list[Sample], length: float, nx: int, v: Array) -> dict[str,
     u = flux / divisor
     theta = e.mean(axis=0) / divisor - u**2
     q = third.mean(axis=0) - 3 * u * e.mean(axis=0) + 2 * density * u**3
-    result = {"mean_velocity": u, "temperature": theta, "heat_flux": q}
-    result["mean_velocity_stderr"] = _stderr((j - u * rho) / divisor)
-    result["temperature_stderr"] = _stderr((e - 2 * u * j + (u**2 - theta) * rho) / divisor)
-    linear = {"f": f, "density": rho, "velocity_distribution": w}
-    linear |= {"mass": total[:, 0], "momentum": total[:, 1], "energy": total[:, 2] / 2}
-    for name, values in linear.items():
-        result[name], result[f"{name}_stderr"] = values.mean(axis=0), _stderr(values)
+    result = {"mean_velocity": u, "temperature": theta, "heat_flux": q, "f": f.mean(axis=0), "f_stderr": _stderr(f)}
+    replicas = {
+        "density": rho,
+        "mean_velocity": u + (j - u * rho) / divisor,
+        "temperature": theta + (e - 2 * u * j + (u**2 - theta) * rho) / divisor,
+        "velocity_distribution": w,
+        "mass": total[:, 0],
+        "momentum": total[:, 1],
+        "energy": total[:, 2] / 2,
+    }
+    for name, values in replicas.items():
+        result.setdefault(name, values.mean(axis=0))
+        result[f"{name}_replica"], result[f"{name}_stderr"] = values, _stderr(values)
     return result
 
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,88 +11,23 @@ from numpy.typing import NDArray
 
 from kinetic_solver import initial
 from kinetic_solver.arrays import Array
-from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.homogeneous import start_state
-from kinetic_solver.output import VARIABLES, MemoryRecorder, Recorder, Variables
-from kinetic_solver.scene import INELASTIC, Scene, SceneError
+from kinetic_solver.output import MemoryRecorder, Recorder
+from kinetic_solver.scene import INELASTIC, Scene
 from particles.collisions import FOLLOW, collide
 from particles.ensemble import Ensemble
 from particles.estimators import Sampler, density_modes, fields
+from particles.files import start_from_file
 from particles.langevin import LangevinStep
+from particles.plan import ParticlePlan, make_plan
 from particles.random import POSITIONS, VELOCITIES, key, standard_normals, uniforms
+from particles.records import coordinates, due, frame_times, report, variables
 
 if TYPE_CHECKING:
     import xarray as xr
 
 Progress = Callable[[float, float], None]
-
-LEAST_IN_CELL = 20
-BYTES_PER_PARTICLE = 36
-
-
-@dataclasses.dataclass(frozen=True)
-class ParticlePlan:
-    """What a run will use: cells and step for collisions, points for the output."""
-
-    scene: Scene
-    grid: PhaseSpaceGrid
-    """The points of the output; the particles know none."""
-    cells: int
-    time_step: float
-    """inf without collisions: one step from frame to frame."""
-    mean_free_path: float
-    """1/(Sρ) at the mean density."""
-
-    @property
-    def cell_width(self) -> float:
-        return self.scene.pipe.length / self.cells
-
-    @property
-    def memory(self) -> int:
-        return BYTES_PER_PARTICLE * self.scene.particles.count * self.scene.particles.replicas
-
-
-def make_plan(scene: Scene) -> ParticlePlan:
-    """Cells no wider than a quarter of the mean free path, of the thermal free path and of 1/k of the start's shortest wave, but
-    for `LEAST_IN_CELL` particles in each; steps in which friction, collisions and flight over 1/k each do a tenth of what they do
-    in all. What `[particles]` gives is kept. Errors: docs/particles.md.
-    """
-    start, model, length = scene.initial, scene.model, scene.pipe.length
-    for name, given in (("file", start.file), ("eigenmodes", start.eigenmodes)):
-        if given:
-            raise SceneError(f"initial.{name}: the particles start from a Maxwellian; remove it")
-    if scene.particles.collisions != "dsmc":
-        raise SceneError(f"particles.collisions = {scene.particles.collisions!r}: allowed: 'dsmc'")
-    _, theta0 = start_state(scene)
-    hottest = math.sqrt(max(theta0, model.noise))
-    modes = (*start.density_modes, *start.velocity_modes, *start.temperature_modes)
-    wave = length / (2 * math.pi * max((m.mode for m in modes), default=1))
-    rate = scene.cross_section * start.density if scene.operator else 0.0
-    path = 1 / rate if rate else math.inf
-    thermal = hottest / model.friction if model.friction else math.inf
-    wanted = math.ceil(4 * length / min(path, thermal, wave))
-    cells = scene.particles.cells or max(1, min(wanted, scene.particles.count // LEAST_IN_CELL))
-    fastest = max(model.friction, 2 * rate * hottest, hottest / wave)
-    step = (scene.particles.time_step or 0.1 / fastest) if rate else math.inf
-    grid = PhaseSpaceGrid(scene.grid.nx or 65, scene.grid.nv or 64, length, *(scene.grid.velocity_window or _window(scene)))
-    return ParticlePlan(scene, grid, cells, step, path)
-
-
-def _window(scene: Scene) -> tuple[float, float]:
-    """Six standard deviations about the mean velocities of the start, and of the homogeneous states of the densities in it."""
-    model = scene.model
-    x = scene.pipe.length * np.arange(256) / 256
-    u0, theta0 = start_state(scene)
-    u, theta = initial.mean_velocity(scene, x, u0), initial.temperature(scene, x, theta0)
-    means = [float(u.min()), float(u.max())]
-    if model.friction > 0:
-        thickest = float(initial.density(scene, x).max())
-        drag = scene.cross_section * thickest * model.noise if scene.operator == "follow-the-leader" else 0.0
-        means += [model.gravity / model.friction, (model.gravity - drag) / model.friction]
-    else:
-        means += [m + model.gravity * scene.run.end_time for m in means]
-    spread = 6 * math.sqrt(max(float(theta.max()), model.noise))
-    return min(means) - spread, max(means) + spread
+AfterFrame = Callable[["Simulation"], None]
 
 
 class Simulation:
@@ -104,20 +38,34 @@ class Simulation:
     Tests: tests/particles/test_simulation.py.
     """
 
-    def __init__(self, plan: ParticlePlan) -> None:
+    def __init__(self, plan: ParticlePlan, state: dict[str, Any] | None = None) -> None:
+        """From the scene's start, or from a `state` of the same plan."""
         self.plan = plan
         scene = plan.scene
         self.time = 0.0
         self.number = 0
         """Of the next step that draws random numbers."""
-        self._keys = [key(scene.particles.seed, replica) for replica in range(scene.particles.replicas)]
-        self.weight = scene.initial.density * scene.pipe.length / scene.particles.count
-        self.ensembles = [self._start(k) for k in self._keys]
-        self._tally = np.zeros((plan.cells, 2), dtype=np.int64)
         self.candidates = self.collisions = 0
         """Since the start, of all replicas."""
+        self._keys = [key(scene.particles.seed, replica) for replica in range(scene.particles.replicas)]
+        self.weight = scene.initial.density * scene.pipe.length / scene.particles.count
+        start = self._start() if state is None else zip(state["x"].copy(), state["v"].copy(), strict=True)
+        self.ensembles = [Ensemble(x, v, scene.pipe.length, plan.cells) for x, v in start]
+        if state is not None:
+            self.time, self.number = float(state["time"]), int(state["number"])
+            self.candidates, self.collisions = int(state["candidates"]), int(state["collisions"])
+        self._tally = np.zeros((plan.cells, 2), dtype=np.int64)
 
-    def _start(self, k: NDArray[np.uint64]) -> Ensemble:
+    def _start(self) -> Iterator[tuple[Array, Array]]:
+        """x and v of every replica; those of a file that holds one are the same for all."""
+        if self.plan.scene.initial.file is None:
+            yield from map(self._maxwellian, self._keys)
+            return
+        x, v = start_from_file(self.plan.scene)
+        for replica in range(len(self._keys)):
+            yield x[replica % len(x)].copy(), v[replica % len(v)].copy()
+
+    def _maxwellian(self, k: NDArray[np.uint64]) -> tuple[Array, Array]:
         """Independent particles of the scene's Maxwellian: positions by the inverse of ∫ρ0, to 1e-9 of the pipe's length."""
         scene, count = self.plan.scene, self.plan.scene.particles.count
         length = scene.pipe.length
@@ -133,8 +81,7 @@ class Simulation:
         x[x >= length] = 0.0
         u0, theta0 = start_state(scene)
         theta = initial.temperature(scene, x, theta0)
-        v = initial.mean_velocity(scene, x, u0) + np.sqrt(theta) * normals[:, 0]
-        return Ensemble(x, v, length, self.plan.cells)
+        return x, initial.mean_velocity(scene, x, u0) + np.sqrt(theta) * normals[:, 0]
 
     def advance_to(self, time: float) -> None:
         scene, interval = self.plan.scene, time - self.time
@@ -168,7 +115,7 @@ class Simulation:
         self.number += steps + 1
 
     def state(self) -> dict[str, Any]:
-        """What `restore` needs to go on bit for bit: x, v (replica, particle), time, number, candidates, collisions."""
+        """What a simulation needs to go on bit for bit: x, v (replica, particle), time, number, candidates, collisions."""
         return {
             "x": np.array([e.x for e in self.ensembles]),
             "v": np.array([e.v for e in self.ensembles]),
@@ -178,12 +125,6 @@ class Simulation:
             "collisions": self.collisions,
         }
 
-    def restore(self, state: dict[str, Any]) -> None:
-        for ensemble, x, v in zip(self.ensembles, state["x"], state["v"], strict=True):
-            ensemble.x[:], ensemble.v[:] = x, v
-        self.time, self.number = float(state["time"]), int(state["number"])
-        self.candidates, self.collisions = int(state["candidates"]), int(state["collisions"])
-
 
 def simulate(scene: Scene, progress: Progress | None = None) -> xr.Dataset:
     """Run the scene's particles and return its Dataset (docs/output.md): means over replicas, each with `<name>_stderr`.
@@ -191,90 +132,47 @@ def simulate(scene: Scene, progress: Progress | None = None) -> xr.Dataset:
     Raises SceneError where the scene asks for what the particles do not do.
     """
     plan = make_plan(scene)
-    recorder = MemoryRecorder(plan.grid, scene, "particles", VARIABLES_OF_PARTICLES, coordinates(plan))
+    recorder = MemoryRecorder(plan.grid, plan.scene, "particles", variables(plan), coordinates(plan))
     run(plan, recorder, progress)
     recorder.close(report=report(plan))
     return recorder.dataset()
 
 
-def run(plan: ParticlePlan, recorder: Recorder, progress: Progress | None = None) -> Simulation:
-    """Hand every frame to the recorder; returns the simulation at its end."""
-    scene, grid = plan.scene, plan.grid
-    simulation = Simulation(plan)
-    sampler = Sampler(grid.length, grid.nx, grid.v, simulation.weight)
-    for time in frame_times(scene):
-        simulation.advance_to(float(time))
-        samples = [sampler.sample(e.x, e.v) for e in simulation.ensembles]
-        values: dict[str, Any] = dict(fields(samples, grid.length, grid.nx, grid.v))
-        modes = np.array([density_modes(sample)[: len(coordinates(plan)["mode"])] for sample in samples])
-        values["density_mode_real"], values["density_mode_imag"] = modes.real, modes.imag
-        values["outside_window"] = sum(s.outside for s in samples) / (len(samples) * scene.particles.count)
-        values["collisions"] = float(simulation.collisions)
-        values["candidates"] = float(simulation.candidates)
-        frame = {
-            group: {name: values[name] for name in table}
-            for group, table in VARIABLES_OF_PARTICLES.items()
-            if _due(scene, group, float(time))
-        }
-        recorder.record(float(time), frame)
+def run(
+    plan: ParticlePlan,
+    recorder: Recorder,
+    progress: Progress | None = None,
+    after_frame: AfterFrame | None = None,
+    state: dict[str, Any] | None = None,
+) -> Simulation:
+    """Hand every frame to the recorder, or from `state` on those after its time; returns the simulation at its end.
+
+    `after_frame` is called once a frame is written.
+    """
+    simulation = Simulation(plan, state)
+    sampler = Sampler(plan.grid.length, plan.grid.nx, plan.grid.v, simulation.weight)
+    for time in frame_times(plan.scene).tolist():
+        if state is not None and time <= simulation.time:
+            continue
+        simulation.advance_to(time)
+        recorder.record(time, frame(simulation, sampler))
         if progress is not None and time > 0:
-            progress(float(time), scene.run.end_time)
+            progress(time, plan.scene.run.end_time)
+        if after_frame is not None:
+            after_frame(simulation)
     return simulation
 
 
-def frame_times(scene: Scene) -> Array:
-    """All times at which any group is written."""
-    times = [scene.times(getattr(scene.output, group)) for group in VARIABLES_OF_PARTICLES]
-    return np.unique(np.round(np.concatenate(times), 12))
-
-
-def _due(scene: Scene, group: str, time: float) -> bool:
-    times = scene.times(getattr(scene.output, group))
-    return bool(times.size) and bool(np.abs(times - time).min() <= 1e-9 * scene.output_every)
-
-
-def report(plan: ParticlePlan) -> dict[str, str]:
-    """Attributes: cells, step, and a warning where cells are wider than the mean free path."""
-    said = {
-        "cells": f"{plan.cells}, of {plan.cell_width:.4g}; mean free path 1/(Sρ) = {plan.mean_free_path:.4g}",
-        "time_step": "none: one exact step from frame to frame"
-        if math.isinf(plan.time_step)
-        else f"{plan.time_step:.6g} at most",
-        "weight": f"{plan.scene.initial.density * plan.scene.pipe.length / plan.scene.particles.count:.6g} real particles each",
-    }
-    if plan.cell_width > plan.mean_free_path:
-        said["warning"] = "cells are wider than the mean free path: raise particles.cells, and particles.count with them"
-    return said
-
-
-def coordinates(plan: ParticlePlan) -> dict[str, np.ndarray]:
-    return {
-        "mode": np.arange(1, min(8, (plan.grid.nx - 1) // 2) + 1, dtype=np.int32),
-        "replica": np.arange(plan.scene.particles.replicas, dtype=np.int32),
-    }
-
-
-def _with_errors(group: str, names: tuple[str, ...]) -> dict[str, tuple[tuple[str, ...], str, str]]:
-    table = {}
-    for name in names:
-        dimensions, units, text = VARIABLES[group][name]
-        table[name] = (dimensions, units, text)
-        table[f"{name}_stderr"] = (dimensions, units, f"standard error over replicas of {text}")
-    return table
-
-
-VARIABLES_OF_PARTICLES: Variables = {
-    "f": _with_errors("f", ("f",)),
-    "moments": {
-        **_with_errors("moments", ("density", "mean_velocity", "temperature", "velocity_distribution")),
-        "heat_flux": VARIABLES["moments"]["heat_flux"],
-    },
-    "scalars": {
-        **_with_errors("scalars", ("mass", "momentum", "energy")),
-        "density_mode_real": (("replica", "mode"), "1", "real part of (1/L)∫ρ exp(-ikx) dx over the mean density"),
-        "density_mode_imag": (("replica", "mode"), "1", "imaginary part of it"),
-        "outside_window": ((), "1", "share of the particles outside the velocity window, missing in f"),
-        "candidates": ((), "1", "candidate pairs since time 0, of all replicas"),
-        "collisions": ((), "1", "collisions since time 0, of all replicas"),
-    },
-}
+def frame(simulation: Simulation, sampler: Sampler) -> dict[str, dict[str, Any]]:
+    """What is due at the simulation's time: group → name → value."""
+    plan, ensembles = simulation.plan, simulation.ensembles
+    samples = [sampler.sample(e.x, e.v) for e in ensembles]
+    values: dict[str, Any] = dict(fields(samples, plan.grid.length, plan.grid.nx, plan.grid.v))
+    modes = np.array([density_modes(sample) for sample in samples])
+    values |= {"density_mode_real": modes.real, "density_mode_imag": modes.imag}
+    values["outside_window"] = sum(s.outside for s in samples) / (len(samples) * plan.scene.particles.count)
+    values["collisions"], values["candidates"] = float(simulation.collisions), float(simulation.candidates)
+    groups = {group: table for group, table in variables(plan).items() if due(plan.scene, group, simulation.time)}
+    if "particles" in groups:
+        values |= {"position": np.array([e.x for e in ensembles]), "velocity": np.array([e.v for e in ensembles])}
+    return {group: {name: values[name] for name in table} for group, table in groups.items()}

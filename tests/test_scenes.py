@@ -19,7 +19,7 @@ def load(name: str, **overrides: object) -> Scene:
 
 
 def test_all_are_here() -> None:
-    assert NAMES == ["cooling", "inelastic", "kramers", "pipe", "relaxation", "small", "sticky", "subcritical"]
+    assert NAMES == ["cooling", "inelastic", "kramers", "pipe", "relaxation", "small", "sticky", "subcritical", "ten_million"]
 
 
 @pytest.mark.parametrize("name", NAMES)

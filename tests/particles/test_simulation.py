@@ -57,8 +57,7 @@ def test_the_same_bits_on_threads_and_from_a_state(make_scene: MakeScene, collis
     straight.advance_to(0.6)
     kept = straight.state()
     expected = finish(straight)
-    resumed = Simulation(plan)
-    resumed.restore(kept)
+    resumed = Simulation(plan, kept)
     threads = numba.get_num_threads()
     numba.set_num_threads(2)
     try:

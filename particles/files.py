@@ -1,0 +1,80 @@
+"""Positions and velocities of particles from netCDF: starts of runs, and ensembles that others made.
+
+A file has positions `position` or `x` and velocities `velocity` or `v`, over (particle), (replica, particle), or either of them
+after a time, whatever the dimensions are called. Files written with `output.particles` are such files.
+Tests: tests/particles/test_files.py.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from kinetic_solver.arrays import Array
+from kinetic_solver.scene import Scene, SceneError
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+NAMES = (("position", "velocity"), ("x", "v"))
+
+
+def particle_names(dataset: xr.Dataset) -> tuple[str, str] | None:
+    """The names of positions and velocities; None where the dataset holds none (x and v of a grid are no particles)."""
+    for x, v in NAMES:
+        if x in dataset.variables and v in dataset.variables:
+            dims = dataset[x].dims
+            if dims and dims == dataset[v].dims and dims != (x,):
+                return x, v
+    return None
+
+
+def frame_of_particles(dataset: xr.Dataset, frame: int = -1) -> tuple[Array, Array]:
+    """x, v (replica, particle) of one frame of a dataset that `particle_names` knows; times are a first dimension `time…`."""
+    names = particle_names(dataset)
+    assert names is not None
+    x, v = (dataset[name] for name in names)
+    if str(x.dims[0]).startswith("time"):
+        x, v = x[frame], v[frame]
+    if x.ndim > 2:
+        raise SceneError(f"{names[0]}: has dimensions {', '.join(map(str, x.dims))}; allowed: (time,) (replica,) particle")
+    return np.atleast_2d(np.asarray(x, dtype=float)), np.atleast_2d(np.asarray(v, dtype=float))
+
+
+def count_of(scene: Scene) -> tuple[int, int]:
+    """(replicas, particles of each) in `initial.file`."""
+    x, _ = start_from_file(scene)
+    return x.shape[0], x.shape[1]
+
+
+def start_from_file(scene: Scene) -> tuple[Array, Array]:
+    """x in [0, length), v, each (replica, particle): the last frame of `initial.file` that a run has reached.
+
+    Raises SceneError where it cannot be read, holds no particles, or ones that are not finite.
+    """
+    import xarray as xr
+
+    path = scene.initial.file
+    assert path is not None
+    where = f"initial.file = {path!r}"
+    if not Path(path).is_file():
+        raise SceneError(f"{where}: there is no such file")
+    try:
+        dataset = xr.open_dataset(path)
+    except (OSError, ValueError):
+        raise SceneError(f"{where}: is not a readable netCDF file") from None
+    with dataset:
+        if particle_names(dataset) is None:
+            raise SceneError(
+                f"{where}: has no positions and velocities of particles (position, velocity or x, v over particles); "
+                "the particles start from nothing else (runs write them with output.particles = true)"
+            )
+        x, v = frame_of_particles(dataset)
+    if not (np.isfinite(x).all() and np.isfinite(v).all()):
+        raise SceneError(f"{where}: its last positions or velocities are not finite; was the run stopped?")
+    length = scene.pipe.length
+    x = np.mod(x, length)
+    x[x >= length] = 0.0
+    return x, v
