@@ -15,7 +15,7 @@ import typer
 if TYPE_CHECKING:
     from kinetic_solver.scene import Scene
 
-FAILED, WRONG, UNFINISHED, INTERRUPTED = 1, 2, 3, 130
+FAILED, WRONG, UNFINISHED, DIFFER, INTERRUPTED = 1, 2, 3, 4, 130
 
 app = typer.Typer(
     name="kinetic-solver",
@@ -363,7 +363,7 @@ def _stability(scene: Scene, run: Path | None, output: Path | None, overwrite: b
     theory = linear_theory(scene)
     sections = verdict(scene, theory)
     if run is not None:
-        from kinetic_solver.compare import measured_lines, measured_rates
+        from kinetic_solver.measured_rates import measured_lines, measured_rates
 
         with open_run(run) as dataset:
             theory = theory.merge(measured_rates(dataset), compat="override", combine_attrs="override")
@@ -387,6 +387,45 @@ def _figure_1(target: Path, overwrite: bool) -> None:
     write_dataset(dataset, target, overwrite)
     save_figure_1(dataset, target.with_suffix(".png"))
     print(f"wrote {target} and {target.with_suffix('.png')}")
+
+
+@app.command()
+def compare(
+    first: Annotated[Path, typer.Argument(metavar="A.nc", show_default=False)],
+    second: Annotated[Path, typer.Argument(metavar="B.nc", show_default=False)],
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="OUT.nc", help="Write the numbers as a dataset too.")
+    ] = None,
+    figure: Annotated[bool, typer.Option("--figure", help="Draw the comparison as well.")] = False,
+    level: Annotated[float, typer.Option(help="Rate at which two runs of the same scene may be said to differ.")] = 0.01,
+    time: Annotated[float | None, typer.Option(help="Of particles whose file has no time.")] = None,
+    overwrite: Overwrite = False,
+) -> None:
+    """Lay two datasets over each other: differences in standard errors. Exit code 4 if they differ."""
+    with _exit_codes():
+        from kinetic_solver.compare import compare as lay_over
+        from kinetic_solver.output import attributes, write_dataset
+        from kinetic_solver.scene import SceneError
+
+        if not 0 < level < 1:
+            raise SceneError(f"--level {level:g}: allowed: between 0 and 1")
+        if output is not None and output.suffix == ".png":
+            raise SceneError(f"-o {output}: is for the dataset; allowed: a name that does not end in .png (--figure makes that)")
+        found = lay_over(first, second, level, time)
+        print("\n".join(found.lines()))
+        if output is not None:
+            dataset = found.dataset()
+            dataset.attrs.update(attributes(found.scene, "comparison"))
+            write_dataset(dataset, output, overwrite)
+            print(f"wrote {output}")
+        if figure:
+            from kinetic_solver.compare.figures import save_comparison
+
+            target = output.with_suffix(".png") if output else Path(f"{first.stem}-{second.stem}.png")
+            save_comparison(found, target)
+            print(f"wrote {target}")
+    if found.differ:
+        raise typer.Exit(DIFFER)
 
 
 @app.command()

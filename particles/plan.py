@@ -31,6 +31,10 @@ class ParticlePlan:
     """inf without collisions: one step from frame to frame."""
     mean_free_path: float
     """1/(Sρ) at the mean density."""
+    relative_step: float
+    """The step times the largest of γ, the rate of collisions and that of flight over 1/k."""
+    relative_width: float
+    """A cell's width over the shortest of the mean free path, the thermal free path √θ/γ and 1/k."""
 
     @property
     def cell_width(self) -> float:
@@ -59,12 +63,13 @@ def make_plan(scene: Scene) -> ParticlePlan:
     rate = scene.cross_section * start.density if scene.operator else 0.0
     path = 1 / rate if rate else math.inf
     thermal = hottest / model.friction if model.friction else math.inf
-    wanted = math.ceil(4 * length / min(path, thermal, wave))
+    shortest = min(path, thermal, wave)
+    wanted = math.ceil(4 * length / shortest)
     cells = scene.particles.cells or max(1, min(wanted, scene.particles.count // LEAST_IN_CELL))
     fastest = max(model.friction, 2 * rate * hottest, hottest / wave)
     step = (scene.particles.time_step or 0.1 / fastest) if rate else math.inf
     grid = PhaseSpaceGrid(scene.grid.nx or 65, scene.grid.nv or 64, length, *(scene.grid.velocity_window or _window(scene)))
-    plan = ParticlePlan(scene, grid, cells, step, path)
+    plan = ParticlePlan(scene, grid, cells, step, path, step * fastest, length / cells / shortest)
     available = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
     if plan.memory > 0.9 * available:
         asked = f"particles: count = {scene.particles.count}, replicas = {scene.particles.replicas}"

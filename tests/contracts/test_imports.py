@@ -23,7 +23,7 @@ LAYERS = [
     {"monitor", "output", "representation", "estimate"},
     {"frames", "steppers"},
     {"run"},
-    {"solver", "exact", "describe", "info", "plotting", "compare"},
+    {"solver", "exact", "describe", "info", "plotting", "measured_rates", "compare"},
     {"certification"},
     {"cli"},
 ]

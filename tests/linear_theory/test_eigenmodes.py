@@ -13,10 +13,10 @@ from pydantic import ValidationError
 
 from kinetic_solver import Scene, SceneError, exact, solve
 from kinetic_solver.certification import certify
-from kinetic_solver.compare import measured_rates, mode_amplitudes
 from kinetic_solver.describe import describe
 from kinetic_solver.homogeneous import start_state
 from kinetic_solver.initial import eigenmode_state
+from kinetic_solver.measured_rates import measured_rates, mode_amplitudes
 from kinetic_solver.plan import make_plan
 from kinetic_solver.representation import make_representation
 from kinetic_solver.stability import eigenfunction, homogeneous_distribution, kinetic_rates

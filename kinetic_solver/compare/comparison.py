@@ -1,0 +1,375 @@
+"""`compare`: every field that two datasets share, at every time that they share, on a common grid, and one verdict.
+
+For each field and time three things are tested: the values at the points, the Fourier amplitudes (of fields over x), and χ² of
+the first few amplitudes, or of the shares of w(v) in as many ranges of v. The p of a field is three times the least of theirs,
+that of the comparison the least of all times their number (Bonferroni): whatever is correlated with what, datasets of the same
+scene are said to differ at most at the rate `level`. Where neither has chance in it, they differ if a point does by more than
+the bound.
+Tests: tests/compare/test_compare.py; the rate at which right scenes pass and errors of 1 % are found: docs/compare.md.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from kinetic_solver.arrays import Array
+from kinetic_solver.compare.sides import OVER_X, SAME_TIME, Side, Values
+from kinetic_solver.compare.statistics import beyond, chi_squared, largest_of
+from kinetic_solver.scene import Scene, SceneError
+
+LEVEL = 0.01
+MOST_STATISTICS = 16
+"""In one χ²; and no more than half as many as there are replicas, which estimate their covariance."""
+LEAST_COUNT = 50
+"""Particles of a replica at a velocity, below which means over replicas are not Gaussian enough."""
+W = "velocity_distribution"
+MOST_LINES = 25
+"""Of the table; what is longer is cut to one line a field."""
+WAVE = 4 / math.pi
+"""Largest Fourier amplitude of a function within ±1."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Row:
+    """One field at one time."""
+
+    field: str
+    time: float
+    points: Array
+    """x (n,), v (n,), or both (n, 2)."""
+    first: Array
+    second: Array
+    error: Array
+    """Standard error of the difference; 0 without chance, NaN where there are too few particles for one."""
+    bound: float
+    """On the systematic part of the difference."""
+    scale: float
+    """What relative numbers are relative to."""
+    z: Array
+    """(first - second), less what the bound grants, in standard errors; NaN where there is none."""
+    mode_z: Array
+    """Likewise the amplitudes 1, cos, sin, cos 2, … of a field over x; empty otherwise."""
+    chi_squared: float
+    """NaN without chance."""
+    statistics: int
+    """In χ²."""
+    p: float
+    """Probability of so large a difference by chance, at most; without chance 1 within the bound and 0 beyond."""
+
+    @property
+    def difference(self) -> Array:
+        return self.first - self.second
+
+    @property
+    def worst(self) -> int:
+        """Where z is largest, or without chance the difference."""
+        return int(np.argmax(np.abs(self.difference) if np.isnan(self.z).all() else np.nan_to_num(np.abs(self.z))))
+
+
+@dataclasses.dataclass(frozen=True)
+class Comparison:
+    sides: tuple[str, str]
+    rows: list[Row]
+    notes: list[str]
+    """What could not be compared, and what is not known."""
+    level: float
+    scene: Scene
+
+    @property
+    def p(self) -> float:
+        return min(1.0, len(self.rows) * min(row.p for row in self.rows))
+
+    @property
+    def differ(self) -> bool:
+        return self.p < self.level
+
+    @property
+    def verdict(self) -> str:
+        word = "they differ" if self.differ else "no difference found"
+        if not any(row.statistics for row in self.rows):
+            worst = max(float(np.abs(row.difference).max() / row.bound) for row in self.rows)
+            return f"{word}: at most {worst:.2g} times what the systematic parts allow"
+        return f"{word}: p = {self.p:.2g} over {len(self.rows)} fields and times, level {self.level:g}"
+
+    def lines(self) -> list[str]:
+        """As text: the sides, a table, what was not compared, the verdict."""
+        columns = ("field", 22), ("time", 9), ("difference", 12), ("systematic", 12), ("at", 14), ("max |z|", 9), ("χ²", 10)
+        table = ["".join(f"{name:{'<' if name == 'field' else '>'}{width}}" for name, width in columns) + f"{'of':>4}{'p':>10}"]
+        rows = self.rows if len(self.rows) <= MOST_LINES else self.least_likely()
+        for row in rows:
+            z = np.concatenate([row.z, row.mode_z])
+            largest = f"{np.nanmax(np.abs(z)):.2f}" if np.isfinite(z).any() else "–"
+            chi = (f"{row.chi_squared if row.chi_squared > 1e-6 else 0:.3g}", row.statistics) if row.statistics else ("–", "–")
+            place = " ".join(f"{part:.3g}" for part in np.atleast_1d(row.points[row.worst]))
+            difference = row.difference[row.worst] / row.scale
+            table.append(
+                f"{row.field:<22}{row.time:9.4g}{difference:+12.2e}{row.bound / row.scale:12.1e}{place:>14}{largest:>9}"
+                f"{chi[0]:>10}{chi[1]:>4}{row.p:10.2g}"
+            )
+        if len(rows) < len(self.rows):
+            table.append(f"the time at which each field differs most, of {len(self.rows)} fields and times")
+        return [*self.sides, "", *table, "", *self.notes, self.verdict]
+
+    def least_likely(self) -> list[Row]:
+        """The row of each field with the least p, and of those the largest difference."""
+        fields = dict.fromkeys(row.field for row in self.rows)
+        return [
+            min(
+                (row for row in self.rows if row.field == field),
+                key=lambda row: (row.p, -np.abs(row.difference).max() / row.scale),
+            )
+            for field in fields
+        ]
+
+    def dataset(self) -> xr.Dataset:
+        """(time, x or v): differences, standard errors, z; (time,): χ², p, bounds. NaN where a field is not compared."""
+        times = np.array(sorted({row.time for row in self.rows}))
+        data: dict[str, tuple[tuple[str, ...], Array, dict[str, str]]] = {}
+        coordinates: dict[str, Array] = {"time": times}
+        for field in dict.fromkeys(row.field for row in self.rows):
+            rows = [row for row in self.rows if row.field == field]
+            along: tuple[str, ...] = ("x",) if field in OVER_X else ("v",) if field == W else ("x_of_f", "v_of_f")
+            axes = [np.unique(axis) for axis in rows[0].points.T] if len(along) > 1 else [rows[0].points]
+            coordinates |= dict(zip(along, axes, strict=True))
+            shape = tuple(axis.size for axis in axes)
+            per_row: dict[str, tuple[tuple[str, ...], str, list[Array]]] = {
+                "difference": (along, "first minus second", [r.difference.reshape(shape) for r in rows]),
+                "stderr": (along, "standard error of the difference", [r.error.reshape(shape) for r in rows]),
+                "z": (along, "beyond the systematic bound, in standard errors", [r.z.reshape(shape) for r in rows]),
+                "mode_z": ((f"amplitude_of_{field}",), "of (1,) cos, sin, cos 2, …, likewise", [r.mode_z for r in rows]),
+                "chi_squared": ((), "Hotelling's T², what the bound grants taken off", [np.array(r.chi_squared) for r in rows]),
+                "statistics": ((), "statistics in χ²", [np.array(float(r.statistics)) for r in rows]),
+                "systematic": ((), "bound on the systematic part", [np.array(r.bound) for r in rows]),
+                "p": ((), "probability of such a difference by chance, at most", [np.array(r.p) for r in rows]),
+            }
+            for name, (dims, text, values) in per_row.items():
+                if values[0].size:
+                    full = np.full((times.size, *values[0].shape), np.nan)
+                    full[np.searchsorted(times, [row.time for row in rows])] = values
+                    data[f"{field}_{name}"] = (("time", *dims), full, {"long_name": text})
+        attributes = {"first": self.sides[0], "second": self.sides[1], "notes": "\n".join(self.notes), "verdict": self.verdict}
+        return xr.Dataset(data, coordinates, {**attributes, "differ": int(self.differ), "level": self.level, "p": self.p})
+
+
+def compare(
+    first: str | Path | xr.Dataset,
+    second: str | Path | xr.Dataset,
+    level: float = LEVEL,
+    time: float | None = None,
+) -> Comparison:
+    """Lay two datasets of a scene over each other: files or Datasets of any method, or positions and velocities of particles.
+
+    `time` is that of particles whose dataset has none; the last of the other's by default. Raises SceneError where nothing can be
+    compared: no time, no field, no scene, another period, a time that is not in the other.
+    """
+    names = [str(source) if not isinstance(source, xr.Dataset) else word for source, word in ((first, "A"), (second, "B"))]
+    a, b = Side(first, names[0]), Side(second, names[1])
+    scene = a.scene or b.scene
+    if scene is None:
+        raise SceneError(f"{a.name}, {b.name}: neither has a scene, so the period is not known; allowed: one run of this solver")
+    notes = [*_differences(a, b), *_unusable(a), *_unusable(b)]
+    for side in (a, b):
+        side.law = side.scene or scene
+    nx = min(a.nx, b.nx)
+    nx -= 1 - nx % 2
+    v = _common_velocities(a, b)
+    length = scene.pipe.length
+    rows: list[Row] = []
+    if a.fields_usable and b.fields_usable:
+        shared = _shared_times(a, b, "density", time, notes)
+        for t in shared:
+            both = zip(a.over_x(t, nx, v, length).items(), b.over_x(t, nx, v, length).values(), strict=True)
+            for (name, left), right in both:
+                found = _over_x(name, t, length * np.arange(nx) / nx, left, right, a, b)
+                (rows if isinstance(found, Row) else notes).append(found)  # type: ignore[arg-type]
+        for t in shared:
+            rows.append(_over_v(t, v, a.distribution(t, v, nx, length), b.distribution(t, v, nx, length), a, b))
+        _phase_space(rows, notes, a, b, nx, v, time, length)
+    if not rows:
+        raise SceneError("nothing to compare: " + "; ".join(notes))
+    return Comparison((a.describe(), b.describe()), rows, list(dict.fromkeys(notes)), level, scene)
+
+
+def _differences(a: Side, b: Side) -> list[str]:
+    """What is not the same in the two scenes."""
+    if a.scene is None or b.scene is None:
+        return []
+    if not math.isclose(a.scene.pipe.length, b.scene.pipe.length, rel_tol=1e-9):
+        raise SceneError(
+            f"pipe.length: {a.scene.pipe.length:g} in {a.name}, {b.scene.pipe.length:g} in {b.name}; allowed: the same"
+        )
+    notes = []
+    for table in ("model", "collisions", "initial"):
+        ours, theirs = (getattr(side.scene, table) for side in (a, b))
+        if ours != theirs:
+            one, other = (part.model_dump(exclude_none=True) if part is not None else {} for part in (ours, theirs))
+            keys = sorted(key for key in one.keys() | other.keys() if one.get(key) != other.get(key))
+            notes += [f"the scenes differ: {table}.{key} is {one.get(key)} and {other.get(key)}" for key in keys]
+    return notes
+
+
+def _unusable(side: Side) -> list[str]:
+    if side.fields_usable:
+        return []
+    return [f"{side.name}: one replica gives no standard errors; set particles.replicas = 8, or output.particles = true"]
+
+
+def _common_velocities(a: Side, b: Side) -> Array:
+    """The points of the one with chance in it, else of the coarser one, that lie within the other's."""
+    own = [side.v for side in (a, b)]
+    known = [v for v in own if v is not None]
+    if not known:
+        v = np.concatenate([side.ensemble(0)[1].ravel() for side in (a, b)])
+        return np.asarray(np.linspace(v.min(), v.max(), 64))
+    low, high = max(float(v[0]) for v in known), min(float(v[-1]) for v in known)
+    if len(known) == 1:
+        return known[0] if known[0].size <= 64 else np.asarray(np.linspace(low, high, 64))
+    fixed = [v for side, v in zip((a, b), known, strict=True) if side.stochastic]
+    chosen = fixed[0] if len(fixed) == 1 else max(known, key=lambda v: float(v[1] - v[0]))
+    return chosen[(chosen >= low - 1e-12) & (chosen <= high + 1e-12)]
+
+
+def _shared_times(a: Side, b: Side, field: str, time: float | None, notes: list[str]) -> list[float]:
+    ours, theirs = a.times(field), b.times(field)
+    for side, own, other in ((a, ours, theirs), (b, theirs, ours)):
+        if own.size == 1 and math.isnan(own[0]) and other.size:
+            own[0] = other[-1] if time is None else time
+            if time is None and not math.isnan(own[0]):
+                notes.append(f"{side.name} has no time: taken as the other's last, t = {own[0]:g}; --time says another")
+    if ours.size == 1 and theirs.size == 1 and math.isnan(ours[0]):
+        return [math.nan]
+    span = max([SAME_TIME, *(abs(float(t)) for t in (*ours, *theirs) if math.isfinite(t))])
+    shared = [float(t) for t in ours if theirs.size and np.abs(theirs - t).min() <= SAME_TIME * span]
+    alone = sorted({f"{t:g}" for own, other in ((ours, theirs), (theirs, ours)) for t in own
+                    if not other.size or np.abs(other - t).min() > SAME_TIME * span}, key=float)  # fmt: skip
+    if alone:
+        listed = ", ".join(alone[:5]) + (", …" if len(alone) > 5 else "")
+        notes.append(f"not compared: {len(alone)} times that one of them alone has (t = {listed})")
+    return shared
+
+
+def _over_x(name: str, time: float, x: Array, left: Values, right: Values, a: Side, b: Side) -> Row | str:
+    if not (np.isfinite(left.points).all() and np.isfinite(right.points).all()):
+        return (
+            f"not compared: {name} at t = {time:g}: the density is not positive everywhere; more particles, or fewer points in x"
+        )
+    scale = float(max(np.abs(left.points).max(), np.abs(right.points).max()))
+    if name == "mean_velocity":
+        scale = max([scale, *(math.sqrt(theta) for side in (a, b) if (theta := side.hottest(time)) is not None)])
+    bound = (a.bound + b.bound) * scale
+    waves, bounds = _amplitudes(x.size), np.full(x.size, WAVE * bound)
+    bounds[0] = bound
+    if name == "density":  # whose mean is the number of particles
+        waves, bounds = waves[1:], bounds[1:]
+    return _row(name, time, x, left, right, bound, scale, np.ones(x.size, dtype=bool), waves, bounds, waves)
+
+
+def _over_v(time: float, v: Array, left: Values, right: Values, a: Side, b: Side) -> Row:
+    scale, dv = float(max(left.points.max(), right.points.max())), float(v[1] - v[0])
+    w, freedom = np.maximum(right.points if left.freedom else left.points, 0), _freedom(left, right)
+    bound = (a.bound + b.bound + (_of_bins(w, v) if freedom else 0.0)) * scale
+    enough = w / w.sum() * _least_particles(a, b) >= LEAST_COUNT
+    number = min(MOST_STATISTICS, max(1, freedom // 2))
+    group = ((np.cumsum(w) - w / 2) / w.sum() * (number + 1)).astype(int)
+    groups = np.array([dv * (group == n) for n in np.unique(group)[:number]])
+    return _row(W, time, v, left, right, bound, scale, enough, groups, groups.sum(axis=1) * bound)
+
+
+def _phase_space(
+    rows: list[Row], notes: list[str], a: Side, b: Side, nx: int, v: Array, time: float | None, length: float
+) -> None:
+    fixed = [side for side in (a, b) if side.stochastic and not side.particles]
+    if len(fixed) == 2 and (a.nx != b.nx or not all(side.v is not None and np.isin(v, side.v).all() for side in fixed)):
+        notes.append("not compared: f, which two particle runs have on different grids")
+        return
+    nx = fixed[0].nx if fixed else nx
+    for t in _shared_times(a, b, "f", time, notes):
+        left, right = a.phase_space(t, nx, v, length), b.phase_space(t, nx, v, length)
+        scale, freedom = float(max(left.points.max(), right.points.max())), _freedom(left, right)
+        f = np.maximum(right.points if left.freedom else left.points, 0)
+        enough = f / f.sum() * _least_particles(a, b) >= LEAST_COUNT
+        if not enough.any():
+            notes.append(
+                f"not compared: f at t = {t:g}: fewer than {LEAST_COUNT} particles of a replica in every cell of x and v"
+            )
+            continue
+        bins = _of_bins(f.reshape(nx, -1).sum(axis=0), v) if freedom else 0.0
+        place = np.stack([np.repeat(length * np.arange(nx) / nx, v.size), np.tile(v, nx)], axis=1)
+        rows.append(_row("f", t, place, left, right, (a.bound + b.bound + bins) * scale, scale, enough))
+
+
+def _least_particles(a: Side, b: Side) -> float:
+    """In a replica, of either side; inf without particles."""
+    return min((side.particles_of_a_replica for side in (a, b) if side.stochastic), default=math.inf)
+
+
+def _of_bins(w: Array, v: Array) -> float:
+    """Relative error of point values of a Gaussian made from bins: (3/640) dv⁴ times its fourth derivative."""
+    mean = float((w * v).sum() / w.sum())
+    theta = float((w * (v - mean) ** 2).sum() / w.sum())
+    return 9 / 640 * (float(v[1] - v[0]) ** 2 / theta) ** 2
+
+
+def _freedom(left: Values, right: Values) -> int:
+    """Degrees of freedom of the scatter: of the smaller number of replicas, where both have some; 0 without chance."""
+    return min((values.freedom for values in (left, right) if values.freedom), default=0)
+
+
+def _row(
+    name: str,
+    time: float,
+    points: Array,
+    left: Values,
+    right: Values,
+    bound: float,
+    scale: float,
+    enough: Array,
+    statistics: Array | None = None,
+    bounds: Array | None = None,
+    modes: Array | None = None,
+) -> Row:
+    difference, freedom = left.points - right.points, _freedom(left, right)
+    mode_z: Array = np.empty(0)
+    value, count = math.nan, 0
+    if not freedom:
+        p = 1.0 if np.abs(difference).max() <= bound else 0.0
+        none = np.full(difference.size, np.nan)
+        return Row(name, time, points, left.points, right.points, 0 * difference, bound, scale, none, mode_z, value, count, p)
+    error: Array = np.where(enough, np.sqrt(left.variance + right.variance), np.nan)
+    z = _z(difference, bound, error)
+    found = [largest_of(z[enough], freedom)]
+    if modes is not None and bounds is not None:
+        ours, theirs = left.over(modes), right.over(modes)
+        mode_z = _z(ours.points - theirs.points, bounds, np.sqrt(ours.variance + theirs.variance))
+        found.append(largest_of(mode_z, freedom))
+    if statistics is not None and bounds is not None:
+        chosen = min(len(statistics), MOST_STATISTICS, max(1, freedom // 2))
+        ours, theirs = left.over(statistics[:chosen]), right.over(statistics[:chosen])
+        if (ours.variance + theirs.variance > 0).all():
+            covariance = ours.covariance + theirs.covariance
+            value, p = chi_squared(ours.points - theirs.points, covariance, bounds[:chosen], freedom)
+            count = chosen
+            found.append(p)
+    p = min(1.0, len(found) * min(found))
+    return Row(name, time, points, left.points, right.points, error, bound, scale, z, mode_z, value, count, p)
+
+
+def _z(difference: Array, bound: Array | float, error: Array) -> Array:
+    """0 where nothing scatters and nothing differs."""
+    rest = beyond(difference, bound + 1e-12 * np.abs(difference).max())
+    z = np.divide(rest, error, out=np.where(rest == 0, 0.0, np.copysign(np.inf, rest)), where=error > 0)
+    return np.asarray(np.where(np.isnan(error), np.nan, z))
+
+
+def _amplitudes(nx: int) -> Array:
+    """Rows that give the amplitudes of 1, cos, sin, cos 2, sin 2, … of values at nx points (odd)."""
+    angle = 2 * np.pi * np.arange(nx) / nx
+    rows = [np.full(nx, 1 / nx)]
+    for m in range(1, (nx - 1) // 2 + 1):
+        rows += [2 / nx * np.cos(m * angle), 2 / nx * np.sin(m * angle)]
+    return np.array(rows)

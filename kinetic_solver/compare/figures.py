@@ -1,0 +1,69 @@
+"""The picture of a comparison. Imported only when asked for; drawn on a canvas of its own."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from kinetic_solver.compare.comparison import Comparison, Row
+from kinetic_solver.scene import SceneError
+
+FIRST, SECOND = "#0072B2", "#D55E00"
+NAMES = {
+    "density": "density ρ",
+    "mean_velocity": "mean velocity u",
+    "temperature": "temperature θ",
+    "velocity_distribution": "w(v)",
+}
+
+
+def save_comparison(found: Comparison, path: str | Path) -> None:
+    """Both sides' fields at the time at which they differ most, and below them the differences in standard errors.
+
+    Without chance the lower row is the difference over the bound on its systematic part. Raises SceneError where the file cannot
+    be written.
+    """
+    try:
+        comparison_figure(found).savefig(path, dpi=150)
+    except (OSError, ValueError) as error:
+        raise SceneError(f"{path}: cannot be written ({error})") from None
+
+
+def comparison_figure(found: Comparison) -> Figure:
+    worst = min(found.rows, key=lambda row: (row.p, -row.time))
+    rows = [row for row in found.rows if row.time == worst.time and row.field in NAMES]
+    figure = Figure(figsize=(3.6 * len(rows), 6.2), layout="constrained")
+    axes = figure.subplots(2, len(rows), sharex="col", squeeze=False, height_ratios=[1.6, 1])
+    names = [side.split(":")[0] for side in found.sides]
+    for row, (top, bottom) in zip(rows, axes.T, strict=True):
+        _fields(top, row, names)
+        _differences(bottom, row)
+    axes[0, -1].legend(fontsize=8, loc="best")
+    figure.suptitle(f"t = {worst.time:g}     {found.verdict}", fontsize=11)
+    return figure
+
+
+def _fields(axes: Axes, row: Row, names: list[str]) -> None:
+    axes.plot(row.points, row.first, color=FIRST, lw=1.6, label=names[0])
+    axes.errorbar(row.points, row.second, np.nan_to_num(row.error), color=SECOND, fmt=".", ms=4, lw=0.8, label=names[1])
+    axes.set_title(NAMES[row.field], fontsize=10)
+    axes.margins(x=0.02)
+
+
+def _differences(axes: Axes, row: Row) -> None:
+    axes.set_xlabel("v" if row.field == "velocity_distribution" else "x")
+    if not np.isfinite(row.z).any():
+        axes.axhspan(-1, 1, color="0.9", zorder=0)
+        axes.plot(row.points, row.difference / row.bound, ".-", color="0.25", lw=0.8, ms=4)
+        axes.set_ylabel("difference over its bound", fontsize=8)
+        return
+    allowed = row.bound / row.error
+    axes.fill_between(row.points, -2 - allowed, 2 + allowed, color="0.9", zorder=0, label="2 standard errors and the bound")
+    axes.fill_between(row.points, -allowed, allowed, color="0.75", zorder=0, label="bound of the systematic part")
+    axes.plot(row.points, row.difference / row.error, ".-", color="0.25", lw=0.8, ms=4)
+    axes.set_ylabel("difference, standard errors", fontsize=8)
+    if row.field == "density":
+        axes.legend(fontsize=7, loc="best")

@@ -1,0 +1,265 @@
+"""One of two datasets, as values on a common grid with each replica's share, whatever kind of dataset it is."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+from scipy.interpolate import make_interp_spline
+
+from kinetic_solver.arrays import Array
+from kinetic_solver.compare.systematic import systematic_parts
+from kinetic_solver.scene import Scene, SceneError
+
+PARTS = 20
+"""Into which the particles of a single ensemble are divided, to estimate errors as of independent particles."""
+MOST_POINTS = 33
+"""In x, on which raw particles are seen."""
+OVER_X = ("density", "mean_velocity", "temperature")
+SAME_TIME = 1e-9
+
+
+@dataclasses.dataclass(frozen=True)
+class Values:
+    """A field at one time: its points (n,), and each replica's share (replica, n), of which they are the mean."""
+
+    points: Array
+    replicas: Array | None = None
+    inflation: float = 1.0
+    """Of the variance over that of the replicas' scatter: for parts of a single ensemble, S(k)."""
+    errors: tuple[Array, int] | None = None
+    """Where the replicas' shares are not there: standard errors (n,), and the number of replicas that they come from."""
+
+    @property
+    def freedom(self) -> int:
+        """Degrees of freedom of the scatter; 0 where nothing scatters."""
+        if self.errors is not None:
+            return self.errors[1] - 1
+        return 0 if self.replicas is None else len(self.replicas) - 1
+
+    @property
+    def variance(self) -> Array:
+        """Of the points, (n,)."""
+        if self.errors is not None:
+            return np.asarray(self.inflation * self.errors[0] ** 2)
+        if self.replicas is None:
+            return np.zeros(self.points.shape)
+        return np.asarray(self.inflation * self.replicas.var(axis=0, ddof=1) / len(self.replicas))
+
+    @property
+    def covariance(self) -> Array:
+        if self.replicas is None:
+            return np.zeros((self.points.size, self.points.size))
+        return self.inflation / len(self.replicas) * np.atleast_2d(np.cov(self.replicas, rowvar=False))
+
+    def over(self, matrix: Array) -> Values:
+        """Linear statistics (q,) of the points, matrix (q, n)."""
+        replicas = None if self.replicas is None else self.replicas @ matrix.T
+        return Values(matrix @ self.points, replicas, self.inflation)
+
+
+class Side:
+    """A run's dataset, or positions and velocities of particles. Raises SceneError where it is neither."""
+
+    def __init__(self, source: str | Path | xr.Dataset, name: str) -> None:
+        from particles.files import particle_names
+
+        self.name = name
+        self.dataset = _opened(source)
+        self.scene = Scene.model_validate_json(self.dataset.attrs["scene"]) if "scene" in self.dataset.attrs else None
+        raw = particle_names(self.dataset) is not None
+        if "density" not in self.dataset and not raw:
+            raise SceneError(f"{name}: has neither density over (time, x) nor positions and velocities of particles")
+        replicas = self.dataset.sizes.get("replica", 1)
+        self.particles = raw and ("density" not in self.dataset or replicas < 2)
+        """Whether its fields are made of its particles here."""
+        self.stochastic = self.particles or self.dataset.attrs.get("method") == "particles"
+        self.fields_usable = self.particles or not self.stochastic or replicas > 1
+        self.bounds = {} if self.scene is None else systematic_parts(self.dataset, self.scene)
+        self.law = self.scene
+        """The scene whose density particles without one take, and whose S(k) a single ensemble is taken to have."""
+
+    @property
+    def bound(self) -> float:
+        return sum(self.bounds.values())
+
+    def describe(self) -> str:
+        method = self.dataset.attrs.get("method", "particles that others made")
+        if self.particles:
+            x, _ = self.ensemble(0)
+            shape = f", {x.shape[1]} particles" + (f" in each of {x.shape[0]} replicas" if x.shape[0] > 1 else ", one ensemble")
+        elif self.stochastic and self.scene is not None:
+            shape = f", {self.scene.particles.count} particles in each of {self.scene.particles.replicas} replicas"
+        else:
+            shape = f", {self.dataset.sizes['x']} × {self.dataset.sizes['v']} points"
+        parts = ", ".join(f"{name} {size:.1e}" for name, size in self.bounds.items())
+        return f"{self.name}: {method}{shape}; systematic part at most {parts or 'not known: taken as 0'}"
+
+    @property
+    def particles_of_a_replica(self) -> float:
+        """Or of what stands for one."""
+        if self.particles:
+            x, _ = self.ensemble(0)
+            return x.shape[1] if x.shape[0] > 1 else x.shape[1] / PARTS
+        return self.scene.particles.count if self.scene is not None else math.nan
+
+    def hottest(self, time: float) -> float | None:
+        """max θ; None of raw particles."""
+        return None if self.particles else float(np.nanmax(self.dataset["temperature"].values[self.frame("temperature", time)]))
+
+    # -- where and when
+
+    def times(self, name: str) -> Array:
+        """Of the frames of a field that are there."""
+        if self.particles:
+            from particles.files import particle_names
+
+            names = particle_names(self.dataset)
+            assert names is not None
+            dimension = str(self.dataset[names[0]].dims[0])
+            if not dimension.startswith("time"):
+                return np.array([float(self.dataset["time"])]) if "time" in self.dataset.coords else np.array([math.nan])
+            return np.asarray(self.dataset[dimension].values, dtype=float)
+        if name not in self.dataset:
+            return np.empty(0)
+        values = self.dataset[name]
+        dimension = str(values.dims[0])
+        whole = np.isfinite(values.values.reshape(values.sizes[dimension], -1)).any(axis=1)
+        return np.asarray(values[dimension].values, dtype=float)[whole]
+
+    def frame(self, name: str, time: float) -> int:
+        dimension = self.dataset[name].dims[0]
+        return int(np.abs(self.dataset[dimension].values - time).argmin())
+
+    @property
+    def nx(self) -> int:
+        return MOST_POINTS if self.particles else int(self.dataset.sizes["x"])
+
+    @property
+    def v(self) -> Array | None:
+        return None if self.particles else np.asarray(self.dataset["v"].values, dtype=float)
+
+    # -- fields
+
+    def over_x(self, time: float, nx: int, v: Array, length: float) -> dict[str, Values]:
+        """`OVER_X` at nx points of the period, of the moments' waves that these can hold."""
+        if self.particles:
+            found = self._fields(time, nx, v, length)
+            return {name: self._values(found, name) for name in OVER_X}
+        frame = {name: self.dataset[name].values[self.frame(name, time)] for name in OVER_X}
+        rho, u, theta = (frame[name] for name in OVER_X)
+        moments = np.stack([rho, rho * u, rho * (theta + u**2)])[None]
+        if self.stochastic:
+            shares = [self.dataset[f"{name}_replica"].values[self.frame(name, time)] for name in OVER_X]
+            r, du, dtheta = shares[0], shares[1] - u, shares[2] - theta
+            j = u * r + rho * du
+            moments = np.stack([r, j, rho * dtheta + 2 * u * j - (u**2 - theta) * r], axis=1)
+        return _fields_of(_resampled(moments, nx), self.stochastic)
+
+    def distribution(self, time: float, v: Array, nx: int, length: float) -> Values:
+        """w(v)."""
+        name = "velocity_distribution"
+        if self.particles:
+            return self._values(self._fields(time, nx, v, length), name)
+        frame, own = self.frame(name, time), self.v
+        points = _over_v(own, self.dataset[name].values[frame], v)
+        if not self.stochastic:
+            return Values(points)
+        return Values(points, _over_v(own, self.dataset[f"{name}_replica"].values[frame], v))
+
+    def phase_space(self, time: float, nx: int, v: Array, length: float) -> Values:
+        """f at nx points and at v, flattened; of a particle run its own nx, and some of its own v."""
+        if self.particles:
+            found = self._fields(time, nx, v, length)
+            replicas = len(self.ensemble(0)[0])
+            errors = found["f_stderr"].ravel(), replicas if replicas > 1 else PARTS
+            return Values(found["f"].ravel(), None, self._inflation(), errors)
+        frame, own = self.frame("f", time), self.v
+        f = self.dataset["f"].values[frame]
+        if not self.stochastic:
+            return Values(_over_v(own, _resampled(f.T, nx).T, v).ravel())
+        assert own is not None
+        assert self.scene is not None
+        kept = np.isin(own, v)
+        error = self.dataset["f_stderr"].values[frame][:, kept]
+        return Values(f[:, kept].ravel(), None, 1.0, (error.ravel(), self.scene.particles.replicas))
+
+    def _values(self, found: dict[str, Array], name: str) -> Values:
+        replicas = found[f"{name}_replica"]
+        return Values(found[name], replicas, self._inflation())
+
+    def _inflation(self) -> float:
+        from kinetic_solver.stability import structure_factor
+
+        law = self.law
+        if self.ensemble(0)[0].shape[0] > 1 or law is None or law.operator is None or law.model.friction * law.model.noise == 0:
+            return 1.0
+        return float(structure_factor(law, range(1, 9)).max())
+
+    def ensemble(self, frame: int) -> tuple[Array, Array]:
+        from particles.files import frame_of_particles
+
+        return frame_of_particles(self.dataset, frame)
+
+    def _fields(self, time: float, nx: int, v: Array, length: float) -> dict[str, Array]:
+        from particles.estimators import Sampler, fields
+
+        times = self.times("density")
+        x, u = self.ensemble(0 if np.isnan(times).all() else int(np.nanargmin(np.abs(times - time))))
+        if not (np.isfinite(x).all() and np.isfinite(u).all()):
+            raise SceneError(f"{self.name}: positions or velocities at t = {time:g} are not finite")
+        assert self.law is not None
+        if len(x) > 1:
+            parts = list(zip(x, u, strict=True))
+        else:  # at random: particles may be in an order
+            shuffled = np.random.default_rng(0).permutation(x.shape[1])
+            parts = [(x[0, chosen], u[0, chosen]) for chosen in np.array_split(shuffled, PARTS)]
+        samples = []
+        for places, velocities in parts:
+            sampler = Sampler(length, nx, v, self.law.initial.density * length / places.size)
+            samples.append(sampler.sample(np.ascontiguousarray(places), np.ascontiguousarray(velocities)))
+        return fields(samples, length, nx, v)
+
+
+def _opened(source: str | Path | xr.Dataset) -> xr.Dataset:
+    if isinstance(source, xr.Dataset):
+        return source
+    if not Path(source).is_file():
+        raise SceneError(f"{source}: there is no such file")
+    try:
+        return xr.open_dataset(source)
+    except (OSError, ValueError):
+        raise SceneError(f"{source}: is not a readable netCDF file") from None
+
+
+def _resampled(points: Array, nx: int) -> Array:
+    """Values at nx points (odd) of the waves that they can hold, along the last axis."""
+    modes = np.fft.rfft(points, axis=-1, norm="forward")
+    return np.asarray(np.fft.irfft(modes[..., : nx // 2 + 1], n=nx, axis=-1, norm="forward"))
+
+
+def _fields_of(moments: Array, stochastic: bool) -> dict[str, Values]:
+    """ρ, u, θ from (replica, 3, nx) of ρ, ρu, ρ(θ + u²); the replicas' shares by the delta method."""
+    rho, j, e = moments.mean(axis=0)
+    positive = np.where(rho > 0, rho, np.nan)
+    u = j / positive
+    theta = e / positive - u**2
+    if not stochastic:
+        return {"density": Values(rho), "mean_velocity": Values(u), "temperature": Values(theta)}
+    r, jr, er = moments[:, 0], moments[:, 1], moments[:, 2]
+    return {
+        "density": Values(rho, r),
+        "mean_velocity": Values(u, u + (jr - u * r) / positive),
+        "temperature": Values(theta, theta + (er - 2 * u * jr + (u**2 - theta) * r) / positive),
+    }
+
+
+def _over_v(own: Array | None, values: Array, v: Array) -> Array:
+    """Values (…, nv) at the points v within `own`, by a quintic spline."""
+    assert own is not None
+    if own.size == v.size and np.allclose(own, v, rtol=0, atol=1e-12 * np.abs(own).max()):
+        return values
+    return np.asarray(make_interp_spline(own, values, k=5, axis=-1)(v))

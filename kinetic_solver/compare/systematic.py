@@ -1,0 +1,56 @@
+"""What is known beforehand of a dataset's errors other than chance: grid, step, cells, number of particles. Relative to the
+largest density, temperature and f, and for mean velocities to the larger of |u| and √θ.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import xarray as xr
+
+from kinetic_solver.scene import Scene, SceneError
+from kinetic_solver.stability import structure_factor
+
+EXACT = 1e-9
+STEP, CELLS = 0.02, 0.01
+"""Of particles: relative error for a step as long as the shortest time, and for a cell as wide as the shortest length; both
+errors are of second order (docs/particles.md, "Convergence"; `benchmarks.particles_validation` holds them)."""
+
+
+def systematic_parts(dataset: xr.Dataset, scene: Scene) -> dict[str, float]:
+    """Name → bound. What is not known is not in it."""
+    method = dataset.attrs.get("method")
+    if method == "exact":
+        return {"closed form": EXACT}
+    if method == "particles":
+        return _of_particles(scene)
+    estimate = float(np.nanmax(dataset["error_estimate"])) if "error_estimate" in dataset else 0.0
+    return {"grid": max(estimate, scene.accuracy.rtol)}
+
+
+def _of_particles(scene: Scene) -> dict[str, float]:
+    from particles.plan import make_plan
+
+    if scene.operator is None:
+        return {}
+    try:
+        plan = make_plan(scene)
+    except SceneError:  # its start is no longer there
+        return {}
+    step, cells = plan.relative_step, plan.relative_width
+    return {"step": STEP * step**2, "cells": CELLS * cells**2, "finite N": contact_excess(scene, plan.cells)}
+
+
+def contact_excess(scene: Scene, waves: int) -> float:
+    """g(0) - 1 = (2/N) Σ_m (S_m - 1): by how much pairs at contact exceed those of independent particles, N to a replica.
+
+    Collisions come more often by that share; what it makes of the fields is at most of that order at R* ≤ 1.
+    """
+    if scene.model.friction * scene.model.noise == 0:
+        return 0.0
+    last = max(8, min(waves, 64))
+    s = structure_factor(scene, range(1, last + 1)).values - 1
+    # Beyond the last wave S - 1 falls as 1/k² at the least
+    total = float(s.sum() + s[-1] * last)
+    return 2 * total / scene.particles.count if math.isfinite(total) else math.inf
