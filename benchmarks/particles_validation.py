@@ -7,6 +7,7 @@ Prints the tables of docs/particles.md and asserts what they say.
 
 from __future__ import annotations
 
+import functools
 import math
 import sys
 import time
@@ -15,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from kinetic_solver import Scene, exact, solve
+from kinetic_solver.stability import kinetic_rates
 from kinetic_solver.stability import structure_factor as theory
 from particles import simulate
 from particles.estimators import frequency_spectrum, structure_factor
@@ -24,6 +26,12 @@ GAMMA, SIGMA, RHO, LENGTH = 0.7, 0.5, 0.8, 9.0
 FIELDS = ("density", "mean_velocity", "temperature")
 SEEDS = 10
 NX = 17
+LOW = 4
+Cases = tuple[tuple[float, float | None], ...]
+CASES: Cases = ((0.3, None), (1.0, None), (1.0, 0.5), (1.0, 0.0))
+STEP_ERROR, CELL_ERROR = 0.1, 0.025
+"""Bounds of a field's systematic error over its scale, over q² and c²: q the step times the fastest rate, c the cells' width over
+the shortest length of `make_plan`. About twice what is measured here at R* = 0.3 and 1 and with (12)."""
 
 
 def collisions(number: float, restitution: float | None) -> dict[str, Any]:
@@ -50,6 +58,7 @@ def scene(number: float, restitution: float | None, **changes: Any) -> Scene:
     return Scene.model_validate(data)
 
 
+@functools.cache
 def truth(number: float, restitution: float | None) -> dict[str, np.ndarray]:
     """The fields at the end on NX points: by the closed form for (6), by the grid solver at rtol = 1e-6 for (12)."""
     if restitution is None:
@@ -102,81 +111,221 @@ def against_the_grid() -> None:
             assert abs(mean - 1.4) < 4 * spread + 0.1, mean
 
 
-def convergence() -> None:
-    """The density at R* = 1 with longer steps, wider cells, fewer particles."""
-    expected = truth(1.0, None)["density"] / RHO
-    print("\n(6) at R* = 1: rms error of ρ/ρ̄ over the pipe, and what sampling alone makes of it\n")
-    print("| particles | cells | Δx/(mean free path) | γ·step | rms error | sampling |\n|---|---|---|---|---|---|")
-    for count, cells, step in (
-        (400_000, 51, None),
-        (400_000, 51, 0.3),
-        (400_000, 51, 0.75),
-        (400_000, 51, 1.5),
-        (400_000, 12, None),
-        (400_000, 6, None),
-        (400_000, 3, None),
-        (40_000, 51, None),
-        (4_000, 51, None),
-        (400, 20, None),
-    ):
-        particles = {"count": count, "replicas": 8, "seed": 5, "cells": cells, **({"time_step": step} if step else {})}
-        plan = make_plan(scene(1.0, None, grid={"nx": NX, "nv": 32}, particles=particles))
-        run = simulate(plan.scene)
-        error = float(np.sqrt(np.mean((run["density"].values[-1] / RHO - expected) ** 2)))
-        sampling = float(np.sqrt(np.mean((run["density_stderr"].values[-1] / RHO) ** 2)))
-        print(
-            f"| 8 × {count} | {cells} | {plan.cell_width / plan.mean_free_path:.3g} | {GAMMA * plan.time_step:.3g} |"
-            f" {error:.2e} | {sampling:.1e} |",
-            flush=True,
-        )
+def deviations(number: float, restitution: float | None, particles: dict[str, Any], seeds: int) -> dict[str, np.ndarray]:
+    """Fields at the end less the truth, over their scales, (seed, NX) each; scales: ρ̄, the largest of |u| and √θ, mean θ.
+
+    Only waves up to `LOW` are kept: they hold what step, cells and N do, and a quarter to a half of what sampling does.
+    """
+    expected = truth(number, restitution)
+    theta = expected["temperature"]
+    scales = (RHO, max(np.abs(expected["mean_velocity"]).max(), math.sqrt(theta.max())), theta.mean())
+    found: dict[str, list[np.ndarray]] = {name: [] for name in FIELDS}
+    for seed in range(1, seeds + 1):
+        ensemble = {"replicas": 8, **particles, "seed": seed}
+        run = simulate(scene(number, restitution, grid={"nx": NX, "nv": 32}, particles=ensemble))
+        for name, scale in zip(FIELDS, scales, strict=True):
+            waves = np.fft.rfft((run[name].values[-1] - expected[name]) / scale)
+            waves[LOW + 1 :] = 0
+            found[name].append(np.fft.irfft(waves, n=NX))
+    return {name: np.array(values) for name, values in found.items()}
 
 
-def fluctuations() -> None:
-    """S(k) of stationary homogeneous gases, and the frequency spectrum of the density."""
-    print("\nS(k) of N = 20000 particles, 8 replicas, over a time of 150/γ\n")
-    print("| operator | R* | mode | measured | ± | theory | z |\n|---|---|---|---|---|---|---|")
+def systematic(d: np.ndarray) -> tuple[float, float]:
+    """√(rms² - sampling²) of deviations d (seed, NX), negative for the root of a negative square, and its standard error.
+
+    The square is the mean over pairs of different seeds of their product, to which sampling adds nothing on average: the same
+    as the mean seed's rms² less its sampling² from the seeds' scatter. Error by the jackknife over seeds.
+    """
+    products = d @ d.T / d.shape[1]
+
+    def square(kept: np.ndarray) -> float:
+        p = products[np.ix_(kept, kept)]
+        return float((p.sum() - np.trace(p)) / (len(kept) * (len(kept) - 1)))
+
+    seeds = np.arange(len(d))
+    value = square(seeds)
+    without = np.array([square(np.delete(seeds, n)) for n in seeds])
+    error = math.sqrt((len(d) - 1) * np.mean((without - without.mean()) ** 2))
+    root = math.copysign(math.sqrt(abs(value)), value)
+    return root, min(error / (2 * abs(root)), math.sqrt(error))
+
+
+def rates_and_lengths(number: float) -> tuple[float, float]:
+    """The fastest rate and the shortest length of `make_plan`, which steps and cells are measured by."""
+    rate, hottest, wave = number * GAMMA / math.sqrt(SIGMA), math.sqrt(max(0.4, SIGMA)), LENGTH / (4 * math.pi)
+    return max(GAMMA, 2 * rate * hottest, hottest / wave), min(1 / rate, hottest / GAMMA, wave)
+
+
+def step_errors(cases: Cases = CASES) -> None:
+    """The step alone, on cells of 0.06 of the shortest length, against STEP_ERROR q²."""
+    convergence("q", STEP_ERROR, [(1.5 / n, {"cells": 200, "time_step": 1.5 / n}) for n in (1, 2, 3, 4)], cases)
+
+
+def cell_errors(cases: Cases = CASES) -> None:
+    """The cells' width alone, at steps of 0.1 to 0.14 over the fastest rate, against CELL_ERROR c²."""
+    convergence("c", CELL_ERROR, [(LENGTH / n, {"cells": n, "time_step": 0.1}) for n in (6, 8, 12)], cases)
+
+
+def convergence(what: str, bound: float, runs: list[tuple[float, dict[str, Any]]], cases: Cases) -> None:
+    """Systematic errors of each run, by its step or cell width; the order that the fields show; asserts once all is printed."""
+    print("\nsystematic error: density, mean velocity, temperature over their scales; 4 seeds of 8 replicas of 200000\n")
+    print(f"| operator | R* | {what} | density | ± | mean velocity | ± | temperature | ± | largest/{what}² | ± |")
+    print("|---|---|---|---|---|---|---|---|---|---|---|", flush=True)
+    beyond, orders = [], []
+    for number, restitution in cases:
+        fastest, shortest = rates_and_lengths(number)
+        name = "(6)" if restitution is None else f"(12), ε = {restitution:g}"
+        sizes, roots, doubts = [], [], []
+        for width, particles in runs:
+            size = width * fastest if what == "q" else width / shortest
+            d = deviations(number, restitution, {"count": 200_000, **particles}, 4)
+            parts = [systematic(d[field]) for field in FIELDS]
+            means = np.array([d[field].mean(axis=0) for field in FIELDS])
+            sampling = np.array([d[field].std(axis=0, ddof=1) / 2 for field in FIELDS])
+            worst = np.unravel_index(np.abs(means).argmax(), means.shape)
+            largest, doubt = abs(means[worst]) / size**2, sampling[worst] / size**2
+            values = " | ".join(f"{root:.5f} | {error:.5f}" for root, error in parts)
+            print(f"| {name} | {number:g} | {size:.2f} | {values} | {largest:.4f} | {doubt:.4f} |", flush=True)
+            if largest > bound + 3 * doubt:
+                beyond.append((name, number, size, largest))
+            sizes.append(size)
+            roots.append([root for root, _ in parts])
+            doubts.append([error for _, error in parts])
+        for n, field in enumerate(FIELDS):
+            root, doubts_of = np.array(roots)[:, n], np.array(doubts)[:, n]
+            seen = root > 3 * doubts_of
+            if seen.sum() < 3:
+                continue
+            x, weights = np.log(np.array(sizes)[seen]), root[seen] / doubts_of[seen]
+            order = float(np.polyfit(x, np.log(root[seen]), 1, w=weights)[0])
+            spread = 1 / math.sqrt(np.sum(weights**2 * (x - np.average(x, weights=weights**2)) ** 2))
+            print(f"order of the {field.replace('_', ' ')}: {order:.2f} ± {spread:.2f}, from {seen.sum()} sizes", flush=True)
+            # A less certain order does not tell the second from the first or third
+            if spread < 0.25:
+                orders.append(order)
+    assert not beyond, beyond
+    assert orders
+    assert all(1.5 < order < 2.6 for order in orders), orders
+
+
+def few_particles() -> None:
+    """The bias of few particles, 1/N: u and θ of the homogeneous gas, stationary, and the fields of the scene at its end."""
+    print("\n(6), R* = 1, L* = 8π, stationary: relative bias of S ρσ/γ in u, and of θ; 40 replicas\n")
+    print("| N | b_N | drag | ± | drag/b_N | temperature | ± | temperature/b_N |\n|---|---|---|---|---|---|---|---|", flush=True)
     length = 8 * math.pi * math.sqrt(SIGMA) / GAMMA
-    for number, restitution in ((0.5, None), (1.0, None), (1.347, None), (1.0, 0.5)):
+    biases = []
+    for count, duration in ((300, 200), (1000, 200), (3000, 300)):
         changes = {
             "pipe": {"length": length},
             "initial": {"modes": [], "mean_velocity": None, "temperature": None},
-            "run": {"end_time": 190.0 / GAMMA},
-            "particles": {"count": 20_000, "replicas": 8, "seed": 11, "cells": 200, "time_step": 0.1},
+            "run": {"end_time": (30 + duration) / GAMMA},
+            "particles": {"count": count, "replicas": 40, "seed": 3, "cells": 100, "time_step": 0.03 / GAMMA},
         }
-        plan = make_plan(scene(number, restitution, **changes))
+        plan = make_plan(scene(1.0, None, **changes))
         simulation = Simulation(plan)
-        simulation.advance_to(40 / GAMMA)
-        every, modes = 0.5 / GAMMA, np.arange(1, 9)
-        waves = -2j * np.pi * modes / length
-        c = np.empty((300, 8, modes.size), dtype=complex)
-        for n in range(len(c)):
-            simulation.advance_to(40 / GAMMA + (n + 1) * every)
-            for r, ensemble in enumerate(simulation.ensembles):
-                first = np.exp(waves[0] * ensemble.x)
-                power = first.copy()
-                for m in range(modes.size):
-                    c[n, r, m] = power.mean()
-                    power *= first
-        measured, error = structure_factor(c, 20_000)
-        expected = theory(plan.scene, modes).values
+        u, square = [], []
+        for n in range(2 * duration):
+            simulation.advance_to((30 + (n + 1) / 2) / GAMMA)
+            u.append([e.v.mean() for e in simulation.ensembles])
+            square.append([(e.v**2).mean() for e in simulation.ensembles])
+        mean = np.mean(u, axis=0)
+        drag = (mean - 1.3 / GAMMA) / -math.sqrt(SIGMA) - 1
+        theta = (np.mean(square, axis=0) - mean**2) / SIGMA - 1
+        b = 2 / count * float((theory(plan.scene, range(1, 101)).values - 1).sum())
+        parts = [(values.mean(), values.std(ddof=1) / math.sqrt(40)) for values in (drag, theta)]
+        print(
+            f"| {count} | {b:.4f} | " + " | ".join(f"{x:+.5f} | {error:.5f} | {x / b:+.3f}" for x, error in parts) + " |",
+            flush=True,
+        )
+        biases.append(parts[1])
+        assert all(abs(x) < b for x, _ in parts)
+    order = math.log(biases[0][0] / biases[-1][0]) / math.log(10)
+    doubt = math.hypot(biases[0][1] / biases[0][0], biases[-1][1] / biases[-1][0]) / math.log(10)
+    print(f"θ's bias falls as N^-{order:.2f} ± {doubt:.2f}", flush=True)
+    assert 0.7 < order < 1.3
+
+    print("\nthe scene of the tables above, N particles in 51 cells, step 0.05: systematic error of 8 groups of replicas\n")
+    print("| R* | N | replicas | b_N | density | ± | mean velocity | ± | temperature | ± |")
+    print("|---|---|---|---|---|---|---|---|---|---|", flush=True)
+    for number, restitution, count, replicas in ((1.0, None, 100, 300), (1.0, None, 300, 200), (1.0, 0.5, 100, 300)):
+        particles = {"count": count, "replicas": replicas, "cells": 51, "time_step": 0.05}
+        d = deviations(number, restitution, particles, 8)
+        b = 2 / count * float((theory(scene(number, restitution), range(1, 52)).values - 1).sum())
+        parts = [systematic(d[name]) for name in FIELDS]
+        print(
+            f"| {number:g}{'' if restitution is None else ', (12)'} | {count} | {8 * replicas} | {b:.3f} | "
+            + " | ".join(f"{root:.4f} | {error:.4f}" for root, error in parts)
+            + " |",
+            flush=True,
+        )
+        assert all(root < b + 3 * error for root, error in parts)
+
+
+def amplitudes(
+    number: float, restitution: float | None, count: int, duration: float, every: float = 0.5
+) -> tuple[Scene, np.ndarray]:
+    """Amplitudes (time, replica, mode) of the first eight waves of a stationary homogeneous gas, L* = 8π, every 0.5/γ.
+
+    16 replicas, steps of 1/(20γ), cells of 0.063 √σ/γ.
+    """
+    length = 8 * math.pi * math.sqrt(SIGMA) / GAMMA
+    changes = {
+        "pipe": {"length": length},
+        "initial": {"modes": [], "mean_velocity": None, "temperature": None},
+        "run": {"end_time": (40 + duration) / GAMMA},
+        "particles": {"count": count, "replicas": 16, "seed": 11, "cells": 400, "time_step": 1 / (20 * GAMMA)},
+    }
+    plan = make_plan(scene(number, restitution, **changes))
+    simulation = Simulation(plan)
+    simulation.advance_to(40 / GAMMA)
+    wave = -2j * np.pi / length
+    c = np.empty((round(duration / every), 16, 8), dtype=complex)
+    for n in range(len(c)):
+        simulation.advance_to((40 + (n + 1) * every) / GAMMA)
+        for r, ensemble in enumerate(simulation.ensembles):
+            first = np.exp(wave * ensemble.x)
+            power = first.copy()
+            for m in range(8):
+                c[n, r, m] = power.mean()
+                power *= first
+    return plan.scene, c
+
+
+def fluctuations() -> None:
+    """S(k) of stationary homogeneous gases, what few particles do to it, and the frequency spectrum of the density."""
+    print("\nS(k), 16 replicas; mean of measured/theory over the eight modes, the n-th with weight n\n")
+    print("| operator | R* | N | mode | measured | ± | theory | z |\n|---|---|---|---|---|---|---|---|", flush=True)
+    modes = np.arange(1, 9)
+    means = []
+    for number, restitution, count, duration in (
+        (0.5, None, 20_000, 150),
+        (1.0, None, 20_000, 150),
+        (1.347, None, 20_000, 300),
+        (1.347, None, 5_000, 600),
+        (1.0, 0.5, 20_000, 150),
+    ):
+        described, c = amplitudes(number, restitution, count, duration)
+        measured, error = structure_factor(c, count)
+        expected = theory(described, modes).values
         name = "(6)" if restitution is None else f"(12), ε = {restitution:g}"
-        for m in (0, 1, 2, 4, 7):
+        for m in range(8):
             z = (measured[m] - expected[m]) / error[m]
             print(
-                f"| {name} | {number:g} | {m + 1} | {measured[m]:.3f} | {error[m]:.3f} | {expected[m]:.3f} | {z:+.1f} |",
-                flush=True,
+                f"| {name} | {number:g} | {count} | {m + 1} | {measured[m]:.3f} | {error[m]:.3f} | {expected[m]:.3f} | {z:+.1f} |"
             )
-        assert np.mean(((measured - expected) / error) ** 2) < 4
+        ratio = (count * np.abs(c) ** 2).mean(axis=0) / expected @ (modes / modes.sum())
+        means.append((ratio.mean(), ratio.std(ddof=1) / math.sqrt(ratio.size)))
+        print(f"mean ratio {means[-1][0]:.4f} ± {means[-1][1]:.4f}", flush=True)
+        if count == 20_000:
+            assert np.mean(((measured - expected) / error) ** 2) < 4
         if number == 1.0 and restitution is None:
-            omega, spectrum, _ = frequency_spectrum(c, 20_000, every)
-            from kinetic_solver.stability import kinetic_rates
-
-            s = kinetic_rates(plan.scene, 1)[0][0]
+            omega, spectrum, _ = frequency_spectrum(c, count, 0.5 / GAMMA)
+            s = kinetic_rates(described, 1)[0][0]
             peak = omega[int(spectrum[:, 0].argmax())]
             far = np.abs(np.abs(omega + s.imag) / abs(s.real))
             slope = np.polyfit(np.log(far[(far > 3) & (far < 20)]), np.log(spectrum[(far > 3) & (far < 20), 0]), 1)[0]
-            print(f"\nspectrum of mode 1: peak at ω = {peak:.3f} (theory {-s.imag:.3f});")
-            print(f"falls as |ω - ω_0|^{slope:.2f} from 3 to 20 widths")
+            print(f"spectrum of mode 1: peak at ω = {peak:.3f} (theory {-s.imag:.3f});")
+            print(f"falls as |ω - ω_0|^{slope:.2f} from 3 to 20 widths", flush=True)
 
 
 def homogeneous() -> None:
@@ -204,7 +353,7 @@ def homogeneous() -> None:
 
 def main() -> int:
     began = time.perf_counter()
-    for part in (homogeneous, against_the_grid, convergence, fluctuations):
+    for part in (homogeneous, against_the_grid, step_errors, cell_errors, few_particles, fluctuations):
         part()
         print(f"\n[{time.perf_counter() - began:.0f} s]", flush=True)
     return 0

@@ -226,7 +226,8 @@ def _run_particles(scene: Scene, target: Path, overwrite: bool, resume: bool = F
     particles = scene.particles.count * scene.particles.replicas
     speed = particles * steps / (monotonic() - began) / 1e6
     print(f"{particles} particles, {steps} steps, {speed:.3g} million particle-steps a second, start and output included")
-    print(f"memory of the ensemble {plan.memory / 2**20:.0f} MiB; {done.collisions} collisions; cells: {said['cells']}")
+    how = f"cells: {said['cells']}" if "cells" in said else f"overtakings: {done.candidates}, {said['overtakings']}"
+    print(f"memory of the ensemble {plan.memory / 2**20:.0f} MiB; {done.collisions} collisions; {how}")
 
 
 class _WalltimeOver(Exception):
@@ -426,6 +427,37 @@ def compare(
             print(f"wrote {target}")
     if found.differ:
         raise typer.Exit(DIFFER)
+
+
+@app.command()
+def figure(
+    number: Annotated[int, typer.Argument(metavar="2|3", show_default=False)],
+    output: Annotated[Path | None, typer.Option("-o", "--output", metavar="OUT.nc", help="Default: figure_N.nc.")] = None,
+    operator: Annotated[str, typer.Option(help="follow-the-leader (6), or inelastic (12).")] = "follow-the-leader",
+    count: Annotated[int, typer.Option(help="Number of particles.")] = 10_000,
+    seed: Annotated[int, typer.Option(help="Of the random numbers.")] = 1,
+    overwrite: Overwrite = False,
+) -> None:
+    """The paper's Figures 2 and 3: particles below and above the closure's critical density, at t = 0, 3, 500/γ."""
+    with _exit_codes():
+        from pydantic import ValidationError
+
+        from kinetic_solver.output import write_dataset
+        from kinetic_solver.scene import SceneError, one_line
+        from kinetic_solver.snapshots import figure_scene, save_snapshots, snapshots, summary
+
+        target = output or Path(f"figure_{number}{'_inelastic' if operator == 'inelastic' else ''}.nc")
+        if target.exists() and not overwrite:
+            raise SceneError(f"{target}: exists already; use --overwrite to replace it, or name another file with -o")
+        try:
+            chosen = figure_scene(number, operator, count, seed)
+        except ValidationError as error:
+            raise SceneError(one_line(error)) from None
+        dataset = snapshots(chosen)
+        write_dataset(dataset, target, overwrite)
+        save_snapshots(dataset, target.with_suffix(".png"))
+        print("\n".join(summary(dataset)))
+        print(f"wrote {target} and {target.with_suffix('.png')}")
 
 
 @app.command()

@@ -13,6 +13,7 @@ from kinetic_solver.arrays import Array
 from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.homogeneous import start_state
 from kinetic_solver.scene import Scene, SceneError
+from particles import single_file
 from particles.files import count_of, start_from_file
 
 LEAST_IN_CELL = 20
@@ -34,15 +35,30 @@ class ParticlePlan:
     relative_step: float
     """The step times the largest of γ, the rate of collisions and that of flight over 1/k."""
     relative_width: float
-    """A cell's width over the shortest of the mean free path, the thermal free path √θ/γ and 1/k."""
+    """A cell's width over the shortest of the mean free path, the thermal free path √θ/γ and 1/k; 0 without cells."""
 
     @property
     def cell_width(self) -> float:
         return self.scene.pipe.length / self.cells
 
     @property
+    def single_file(self) -> bool:
+        return self.scene.operator is not None and self.scene.particles.collisions == "single-file"
+
+    @property
+    def weight(self) -> float:
+        """w, the real particles that each simulated one stands for."""
+        return self.scene.initial.density * self.scene.pipe.length / self.scene.particles.count
+
+    @property
+    def probability(self) -> float:
+        """S_C w: of a collision at an overtaking."""
+        return self.scene.cross_section * self.weight
+
+    @property
     def memory(self) -> int:
-        return BYTES_PER_PARTICLE * self.scene.particles.count * self.scene.particles.replicas
+        each = single_file.BYTES_PER_PARTICLE if self.single_file else BYTES_PER_PARTICLE
+        return each * self.scene.particles.count * self.scene.particles.replicas
 
 
 def make_plan(scene: Scene) -> ParticlePlan:
@@ -55,8 +71,6 @@ def make_plan(scene: Scene) -> ParticlePlan:
     start, model, length = scene.initial, scene.model, scene.pipe.length
     if start.eigenmodes:
         raise SceneError("initial.eigenmodes: the particles start from a Maxwellian or a file of particles; remove it")
-    if scene.particles.collisions != "dsmc":
-        raise SceneError(f"particles.collisions = {scene.particles.collisions!r}: allowed: 'dsmc'")
     hottest = math.sqrt(max(_start(scene)[1].max(), model.noise))
     modes = (*start.density_modes, *start.velocity_modes, *start.temperature_modes)
     wave = length / (2 * math.pi * max((m.mode for m in modes), default=1))
@@ -66,10 +80,20 @@ def make_plan(scene: Scene) -> ParticlePlan:
     shortest = min(path, thermal, wave)
     wanted = math.ceil(4 * length / shortest)
     cells = scene.particles.cells or max(1, min(wanted, scene.particles.count // LEAST_IN_CELL))
+    in_file = scene.operator is not None and scene.particles.collisions == "single-file"
+    if in_file and scene.particles.cells:
+        raise SceneError("particles.cells: single-file collisions have no cells; remove it")
     fastest = max(model.friction, 2 * rate * hottest, hottest / wave)
     step = (scene.particles.time_step or 0.1 / fastest) if rate else math.inf
     grid = PhaseSpaceGrid(scene.grid.nx or 65, scene.grid.nv or 64, length, *(scene.grid.velocity_window or _window(scene)))
-    plan = ParticlePlan(scene, grid, cells, step, path, step * fastest, length / cells / shortest)
+    width = 0.0 if in_file else length / cells / shortest
+    plan = ParticlePlan(scene, grid, 1 if in_file else cells, step, path, step * fastest, width)
+    if in_file and plan.probability > 1:
+        least = math.ceil(scene.cross_section * start.density * length)
+        raise SceneError(
+            f"particles.count = {scene.particles.count}: an overtaking would be a collision with the probability S_C·w = "
+            f"{plan.probability:.4g}; allowed: up to 1; raise particles.count to {least} or more"
+        )
     available = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
     if plan.memory > 0.9 * available:
         asked = f"particles: count = {scene.particles.count}, replicas = {scene.particles.replicas}"

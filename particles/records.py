@@ -8,9 +8,10 @@ import numpy as np
 
 from kinetic_solver.arrays import Array
 from kinetic_solver.output import VARIABLES, Variables
-from kinetic_solver.scene import Scene
+from kinetic_solver.scene import INELASTIC, Scene
 from particles.estimators import MODES
 from particles.plan import ParticlePlan
+from particles.single_file import sticking
 
 
 def frame_times(scene: Scene) -> Array:
@@ -24,17 +25,34 @@ def due(scene: Scene, group: str, time: float) -> bool:
     return bool(times.size) and bool(np.abs(times - time).min() <= 1e-9 * scene.output_every)
 
 
+COLLAPSE = math.exp(-math.pi / math.sqrt(3))
+"""Restitution below which pairs stick at any probability near 1 (Cornell, Swift and Bray 1998)."""
+STICKING = 0.1
+"""Beyond this share single-file collisions depend on the step (`single_file.sticking`)."""
+
+
 def report(plan: ParticlePlan) -> dict[str, str]:
-    """Attributes: cells, step, and a warning where cells are wider than the mean free path."""
+    """Attributes: cells or probabilities, step, and a warning where they are not what a converged run needs."""
     said = {
-        "cells": f"{plan.cells}, of {plan.cell_width:.4g}; mean free path 1/(Sρ) = {plan.mean_free_path:.4g}",
         "time_step": "none: one exact step from frame to frame"
         if math.isinf(plan.time_step)
         else f"{plan.time_step:.6g} at most",
-        "weight": f"{plan.scene.initial.density * plan.scene.pipe.length / plan.scene.particles.count:.6g} real particles each",
+        "weight": f"{plan.weight:.6g} real particles each",
     }
-    if plan.cell_width > plan.mean_free_path:
-        said["warning"] = "cells are wider than the mean free path: raise particles.cells, and particles.count with them"
+    if not plan.single_file:
+        said["cells"] = f"{plan.cells}, of {plan.cell_width:.4g}; mean free path 1/(Sρ) = {plan.mean_free_path:.4g}"
+        if plan.cell_width > plan.mean_free_path:
+            said["warning"] = "cells are wider than the mean free path: raise particles.cells, and particles.count with them"
+        return said
+    said["overtakings"] = f"collisions with the probability S_C·w = {plan.probability:.4g}"
+    stuck = sticking(plan.probability, plan.scene.model.friction * plan.time_step)
+    if plan.scene.operator != INELASTIC or plan.scene.restitution < COLLAPSE:
+        said["overtakings"] += f"; {stuck:.2g} of the pairs that collide do so again before they part"
+        if stuck > STICKING:
+            said["warning"] = (
+                f"{stuck:.2g} of the pairs that collide do so again before they part, ever more with shorter steps: the result "
+                "depends on particles.time_step; raise particles.count"
+            )
     return said
 
 
@@ -43,7 +61,7 @@ def rows(plan: ParticlePlan) -> list[tuple[str, str]]:
     particles, said = plan.scene.particles, report(plan)
     result = [("particles", f"{particles.count} in each of {particles.replicas} replicas; {said['weight']}")]
     if plan.scene.operator is not None:
-        result += [("cells", said["cells"])]
+        result += [(label, said[label]) for label in ("cells", "overtakings") if label in said]
     result += [("time step", said["time_step"]), ("memory", f"{plan.memory / 2**20:.3g} MiB")]
     return result + [(label, text) for label, text in said.items() if label == "warning"]
 

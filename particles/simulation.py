@@ -22,6 +22,7 @@ from particles.langevin import LangevinStep
 from particles.plan import ParticlePlan, make_plan
 from particles.random import POSITIONS, VELOCITIES, key, standard_normals, uniforms
 from particles.records import coordinates, due, frame_times, report, variables
+from particles.single_file import SingleFile
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -34,7 +35,8 @@ class Simulation:
     """Replicas of a scene's particles, advanced together. The same numbers on any number of threads, and from `state` on.
 
     Half a Langevin step, collisions, half a Langevin step: second order in the step; between collisions the two halves are one.
-    Without collisions exact over any time. Number of particles exact, momentum of (12)'s collisions to round-off.
+    Single files have steps of their own (`SingleFile`). Without collisions exact over any time. The number of particles is exact,
+    momentum of (12)'s collisions to round-off.
     Tests: tests/particles/test_simulation.py.
     """
 
@@ -46,11 +48,19 @@ class Simulation:
         self.number = 0
         """Of the next step that draws random numbers."""
         self.candidates = self.collisions = 0
-        """Since the start, of all replicas."""
+        """Since the start, of all replicas; of single files all overtakings are candidates."""
         self._keys = [key(scene.particles.seed, replica) for replica in range(scene.particles.replicas)]
-        self.weight = scene.initial.density * scene.pipe.length / scene.particles.count
+        self.weight = plan.weight
         start = self._start() if state is None else zip(state["x"].copy(), state["v"].copy(), strict=True)
-        self.ensembles = [Ensemble(x, v, scene.pipe.length, plan.cells) for x, v in start]
+        self._kind = scene.restitution if scene.operator == INELASTIC else FOLLOW
+        self.ensembles: list[Ensemble] = []
+        self.files: list[SingleFile] = []
+        """Instead of ensembles, where collisions are those of single files."""
+        for x, v in start:
+            if plan.single_file:
+                self.files.append(SingleFile(x, v, scene.pipe.length, plan.probability, self._kind))
+            else:
+                self.ensembles.append(Ensemble(x, v, scene.pipe.length, plan.cells))
         if state is not None:
             self.time, self.number = float(state["time"]), int(state["number"])
             self.candidates, self.collisions = int(state["candidates"]), int(state["collisions"])
@@ -92,33 +102,50 @@ class Simulation:
             for ensemble, k in zip(self.ensembles, self._keys, strict=True):
                 ensemble.advance(whole, self.number, k)
             self.number += 1
+        elif self.plan.single_file:
+            self._overtake_to(interval)
         else:
             self._collide_to(interval)
         self.time = time
 
+    def _steps(self, interval: float) -> int:
+        return math.ceil(interval / self.plan.time_step * (1 - 1e-12))
+
+    def _overtake_to(self, interval: float) -> None:
+        steps = self._steps(interval)
+        for file, k in zip(self.files, self._keys, strict=True):
+            overtakings, collisions = file.advance(self.plan.scene.model, interval, steps, self.number, k)
+            self.candidates += overtakings
+            self.collisions += collisions
+        self.number += steps + 1
+
     def _collide_to(self, interval: float) -> None:
         scene, plan = self.plan.scene, self.plan
-        steps = math.ceil(interval / plan.time_step * (1 - 1e-12))
+        steps = self._steps(interval)
         h = interval / steps
         half, whole = LangevinStep.over(scene.model, h / 2), LangevinStep.over(scene.model, h)
         rate = scene.cross_section * self.weight * h / plan.cell_width
-        kind = scene.restitution if scene.operator == INELASTIC else FOLLOW
         for ensemble, k in zip(self.ensembles, self._keys, strict=True):
             number = self.number
             ensemble.advance_and_sort(half, number, k)
             for n in range(1, steps + 1):
                 number += 1
-                collide(ensemble.v, ensemble.starts, rate, kind, number, k, self._tally)
+                collide(ensemble.v, ensemble.starts, rate, self._kind, number, k, self._tally)
                 self.candidates += int(self._tally[:, 0].sum())
                 self.collisions += int(self._tally[:, 1].sum())
                 ensemble.advance_and_sort(whole if n < steps else half, number, k)
         self.number += steps + 1
 
+    def particles(self) -> list[tuple[Array, Array]]:
+        """x in [0, length) and v of each replica."""
+        return [(f.places(), f.v) for f in self.files] or [(e.x, e.v) for e in self.ensembles]
+
     def state(self) -> dict[str, Any]:
         """What a simulation needs to go on bit for bit: x, v (replica, particle), time, number, candidates, collisions."""
+        whole = self.files or self.ensembles
         return {
-            "x": np.array([e.x for e in self.ensembles]),
-            "v": np.array([e.v for e in self.ensembles]),
+            "x": np.array([e.x for e in whole]),
+            "v": np.array([e.v for e in whole]),
             "time": self.time,
             "number": self.number,
             "candidates": self.candidates,
@@ -165,8 +192,8 @@ def run(
 
 def frame(simulation: Simulation, sampler: Sampler) -> dict[str, dict[str, Any]]:
     """What is due at the simulation's time: group → name → value."""
-    plan, ensembles = simulation.plan, simulation.ensembles
-    samples = [sampler.sample(e.x, e.v) for e in ensembles]
+    plan, particles = simulation.plan, simulation.particles()
+    samples = [sampler.sample(x, v) for x, v in particles]
     values: dict[str, Any] = dict(fields(samples, plan.grid.length, plan.grid.nx, plan.grid.v))
     modes = np.array([density_modes(sample) for sample in samples])
     values |= {"density_mode_real": modes.real, "density_mode_imag": modes.imag}
@@ -174,5 +201,5 @@ def frame(simulation: Simulation, sampler: Sampler) -> dict[str, dict[str, Any]]
     values["collisions"], values["candidates"] = float(simulation.collisions), float(simulation.candidates)
     groups = {group: table for group, table in variables(plan).items() if due(plan.scene, group, simulation.time)}
     if "particles" in groups:
-        values |= {"position": np.array([e.x for e in ensembles]), "velocity": np.array([e.v for e in ensembles])}
+        values |= {"position": np.array([x for x, _ in particles]), "velocity": np.array([v for _, v in particles])}
     return {group: {name: values[name] for name in table} for group, table in groups.items()}

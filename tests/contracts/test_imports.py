@@ -24,7 +24,7 @@ LAYERS = [
     {"frames", "steppers"},
     {"run"},
     {"solver", "exact", "describe", "info", "plotting", "measured_rates", "compare"},
-    {"certification"},
+    {"certification", "snapshots"},
     {"cli"},
 ]
 INDEPENDENT = {

@@ -111,7 +111,11 @@ def test_the_dataset(make_scene: MakeScene) -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"particles": {"collisions": "single-file"}}, "particles.collisions = 'single-file': allowed: 'dsmc'"),
+        (
+            {"collisions": FOLLOW, "particles": {"collisions": "single-file", "count": 8}},
+            "particles.count = 8: an overtaking would be a collision with the probability S_C·w = 1.08; allowed: up to 1; raise "
+            "particles.count to 9 or more",
+        ),
         ({"initial": {"modes": [], "eigenmodes": [{"mode": 1, "cos": 0.01}]}}, "initial.eigenmodes: the particles start"),
     ],
 )
