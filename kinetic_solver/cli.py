@@ -15,6 +15,8 @@ import typer
 if TYPE_CHECKING:
     from kinetic_solver.scene import Scene
 
+OUTSIDE = 1e-3
+"""Share of particles outside the window beyond which a run warns."""
 FAILED, WRONG, UNFINISHED, DIFFER, INTERRUPTED = 1, 2, 3, 4, 130
 
 app = typer.Typer(
@@ -129,6 +131,8 @@ def run(
             raise SceneError("--resume, --max-walltime: are for --method particles; other methods start afresh with --overwrite")
         if max_walltime is not None and not max_walltime >= 0:
             raise SceneError(f"--max-walltime {max_walltime:g}: allowed: 0 or more seconds")
+        if loaded.initial.file is not None and Path(loaded.initial.file).resolve() == target.resolve():
+            raise SceneError(f"-o {target}: is the file that the run starts from; name another")
         if resume and overwrite:
             raise SceneError("--resume, --overwrite: allowed: one of them")
         if method == "particles":
@@ -222,6 +226,12 @@ def _run_particles(scene: Scene, target: Path, overwrite: bool, resume: bool = F
         raise
     recorder.close(report=said)
     checkpoint.remove()
+    if done.outside > OUTSIDE:
+        print(
+            f"warning: up to {done.outside:.2g} of the particles are outside the velocity window and missing in f and w(v); "
+            "widen grid.velocity_window",
+            file=sys.stderr,
+        )
     steps = done.number - (int(state["number"]) if state is not None else 0)
     particles = scene.particles.count * scene.particles.replicas
     speed = particles * steps / (monotonic() - began) / 1e6
@@ -299,8 +309,9 @@ def describe(scene: ScenePath, overrides: Overrides = None) -> None:
         from kinetic_solver.describe import describe as sections
 
         loaded = _load(scene, overrides)
-        found = sections(loaded)
-        if "particles" in loaded.model_fields_set:
+        of_particles = loaded.initial.file is not None and _holds_particles(loaded.initial.file)
+        found = sections(loaded, on_the_grid=not of_particles)
+        if "particles" in loaded.model_fields_set or of_particles:
             from particles.plan import make_plan
             from particles.records import rows as rows_of_particles
 
@@ -310,6 +321,18 @@ def describe(scene: ScenePath, overrides: Overrides = None) -> None:
             width = max(len(label) for label, _ in rows)
             for label, text in rows:
                 print(f"  {label:<{width}}  {text}")
+
+
+def _holds_particles(path: str) -> bool:
+    import xarray as xr
+
+    from particles.files import particle_names
+
+    try:
+        with xr.open_dataset(path) as dataset:
+            return particle_names(dataset) is not None and "f" not in dataset
+    except (OSError, ValueError):
+        return False
 
 
 @app.command()

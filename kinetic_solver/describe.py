@@ -13,16 +13,16 @@ from kinetic_solver.stability import critical_density, kinetic_rates
 Row = tuple[str, str]
 
 
-def describe(scene: Scene) -> list[tuple[str, list[Row]]]:
-    """Sections of (label, text): equation, groups, homogeneous state, closure, and the run that `solve` would make."""
-    plan = make_plan(scene)
+def describe(scene: Scene, on_the_grid: bool = True) -> list[tuple[str, list[Row]]]:
+    """Sections of (label, text): equation, groups, homogeneous state, closure, start, and the run that `solve` would make."""
+    run = [("Run on the grid", _run(make_plan(scene)))] if on_the_grid else []
     return [
         ("Equation", _equation(scene)),
         ("Dimensionless groups", _groups(scene)),
         ("Homogeneous state", _homogeneous(scene)),
         ("Three-moment closure of the paper", _closure(scene)),
         ("Start", _start(scene)),
-        ("Run on the grid", _run(plan)),
+        *run,
     ]
 
 

@@ -276,7 +276,7 @@ class Particles(_Table):
     """Simulated particles per replica; each stands for density·length/count real ones."""
     cells: Count | None = None
     time_step: Positive | None = None
-    seed: Annotated[int, Field(strict=True, ge=0)] = 1
+    seed: Annotated[int, Field(strict=True, ge=0, lt=2**63)] = 1
     replicas: Count = 1
     collisions: Literal["dsmc", "single-file"] = "dsmc"
 
@@ -304,6 +304,14 @@ class Scene(_Table):
     accuracy: Accuracy = Accuracy()
     grid: Grid = Grid()
     particles: Particles = Particles()
+
+    @model_validator(mode="after")
+    def _cadences_are_countable(self) -> Scene:
+        for group in Output.model_fields:
+            cadence = getattr(self.output, group)
+            if not isinstance(cadence, bool) and self.run.end_time / cadence > MOST_FRAMES:
+                raise ValueError(f"output.{group} = {cadence:g} makes more than {MOST_FRAMES} frames until end_time; raise it")
+        return self
 
     @model_validator(mode="after")
     def _eigenmodes_have_a_state_to_be_about(self) -> Scene:

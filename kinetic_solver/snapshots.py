@@ -50,7 +50,7 @@ def figure_scene(figure: int, operator: str = "follow-the-leader", count: int = 
 
 
 def snapshots(scene: Scene) -> xr.Dataset:
-    """Particles of the scene's first replica at `TIMES`, and what (2) says; dims (time, replica, particle), (time, bin), (time, v).
+    """Particles of the scene's first replica at `TIMES`, and what (2) says; dims (time, replica, particle), (time, bin or v_bin).
 
     `position`, `velocity`; `density_histogram` over its mean; w(v) per particle: `histogram`, `equation`, `gaussian` of the
     particles' mean and variance, `two_populations`: homogeneous states of the mean densities that particles see in the bins
@@ -164,9 +164,7 @@ def _figure(dataset: xr.Dataset) -> Figure:
         top.set_xlabel("x")
         bottom.bar(frame["v_bin"], frame["histogram"], dv, color=PARTICLES)
         bottom.plot(frame["v_bin"], frame["equation"], color=EQUATION, lw=1.8, label="equation (2)")
-        bottom.plot(
-            frame["v_bin"], frame["gaussian"], color=GAUSSIAN, lw=1, ls="--", label="Gaussian, the particles' mean and variance"
-        )
+        bottom.plot(frame["v_bin"], frame["gaussian"], color=GAUSSIAN, lw=1, ls="--", label="Gaussian of that mean and variance")
         bottom.plot(frame["v_bin"], frame["two_populations"], color=TWO, lw=1.4, label="two populations")
         bottom.set_xlabel("v")
     axes[0, 0].set_ylabel("density over its mean")

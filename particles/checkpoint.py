@@ -9,6 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 from time import monotonic
 from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 
@@ -24,6 +25,7 @@ class Checkpoint:
 
     def __init__(self, target: Path, scene: Scene) -> None:
         self.path = target.with_name(target.name + ".checkpoint")
+        self._target = target
         self._scene = scene.model_dump_json(exclude_none=True)
         self._took = 0.0
         self._last = monotonic()
@@ -33,7 +35,7 @@ class Checkpoint:
         part = self.path.with_name(self.path.name + ".part")
         try:
             with part.open("wb") as file:
-                np.savez(file, scene=self._scene, **state)
+                np.savez(file, scene=self._scene, written=self._target.stat().st_size, **state)
             part.replace(self.path)
         finally:
             part.unlink(missing_ok=True)
@@ -45,16 +47,18 @@ class Checkpoint:
         return monotonic() - self._last >= SHARE * self._took
 
     def load(self) -> dict[str, Any] | None:
-        """None where there is none. Raises SceneError where it is another scene's, or not readable."""
+        """None where there is none. Raises SceneError where it is another scene's, not readable, or ahead of the run's file."""
         if not self.path.exists():
             return None
         try:
             with np.load(self.path, allow_pickle=False) as file:
                 state = dict(file)
-            scene = str(state.pop("scene"))
-        except (OSError, ValueError, KeyError, EOFError):
+            scene, written = str(state.pop("scene")), int(state.pop("written"))
+        except (OSError, ValueError, KeyError, EOFError, BadZipFile):
             raise SceneError(f"{self.path}: is not a readable checkpoint; remove it to start afresh") from None
         check_scene(self.path, scene, self._scene)
+        if self._target.stat().st_size < written:
+            raise SceneError(f"{self._target}: has lost what was written before the checkpoint; use --overwrite to start afresh")
         return state
 
     def remove(self) -> None:
@@ -78,9 +82,11 @@ def _flat(tables: dict[str, Any]) -> dict[str, Any]:
 
 
 def finished(target: Path, scene: Scene) -> bool:
-    """Whether the run that writes `target` has come to its end. Raises SceneError where the file is not this scene's."""
+    """Whether the run that writes `target` has come to its end. Raises SceneError where the file is not this run's."""
     if not target.exists():
         return False
     with open_run(target) as run:
+        if run.attrs.get("method") != "particles":
+            raise SceneError(f"{target}: is a run of method {run.attrs.get('method')!r}; name another file with -o")
         check_scene(target, run.attrs["scene"], scene.model_dump_json(exclude_none=True))
         return "status" in run and int(run["status"]) == FINISHED

@@ -45,15 +45,19 @@ class Sample:
     """One replica at one time, w the number of real particles that each simulated one stands for."""
 
     modes: Complex
-    """(4, M + 1): (1/L) Σ w v^p exp(-ik_m x), k_m = 2πm/L, for p = 0 … 3 [particles length^(p-1) time^-p]."""
+    """(4, M + 1): (1/L) Σ w (v - c)^p exp(-ik_m x), k_m = 2πm/L, for p = 0 … 3 [particles length^(p-1) time^-p]."""
     f_modes: Complex
     """(M + 1, nv): (1/L) Σ w exp(-ik_m x)/dv over the particles of each bin of v [particles time length^-2]."""
     outside: int
     """Simulated particles outside the velocity window: they count in `modes`, not in `f_modes`."""
+    middle: float = 0.0
+    """c."""
 
 
 class Sampler:
     """Samples particles on a pipe of `length` for nx points and the bins about the uniform points v (nv,).
+
+    Moments are taken about the middle of v, so that θ and q lose no digits where the mean velocity is large (test_far_from_rest).
 
     The same bits at any number of threads: particles are divided into blocks whose number depends on nx and nv alone, and
     which are added in order. exp(-ik_m x) is made of products of the first; sums at M = 200 are right to 1e-12 of Σ|w v^p|
@@ -64,18 +68,30 @@ class Sampler:
         self.length, self.weight = length, weight
         self.dv = (v[-1] - v[0]) / (v.size - 1)
         self._low = v[0] - self.dv / 2
+        self.middle = float(v[0] + v[-1]) / 2
         waves = 2 * ((nx - 1) // 2 + 1)
-        blocks = max(1, min(BLOCKS, int(ACCUMULATORS / (8 * waves * (v.size + 4)))))
+        blocks = _blocks(waves, v.size)
         self._modes = np.empty((blocks, 4, waves))
         self._bins = np.empty((blocks, v.size, waves))
         self._outside = np.empty(blocks, dtype=np.int64)
 
     def sample(self, x: Array, v: Array) -> Sample:
         """x, v (n,): positions, anywhere on the line, and velocities."""
-        _accumulate(x, v, 2 * math.pi / self.length, self._low, 1 / self.dv, self._modes, self._bins, self._outside)
+        k = 2 * math.pi / self.length
+        _accumulate(x, v, k, self._low, 1 / self.dv, self.middle, self._modes, self._bins, self._outside)
         scale = self.weight / self.length
         modes, bins = scale * _complex(self._modes.sum(axis=0)), scale / self.dv * _complex(self._bins.sum(axis=0))
-        return Sample(modes, np.ascontiguousarray(bins.T), int(self._outside.sum()))
+        return Sample(modes, np.ascontiguousarray(bins.T), int(self._outside.sum()), self.middle)
+
+
+def _blocks(waves: int, nv: int) -> int:
+    return max(1, min(BLOCKS, int(ACCUMULATORS / (8 * waves * (nv + 4)))))
+
+
+def memory_of_samples(nx: int, nv: int, replicas: int) -> int:
+    """Bytes of a sampler and of the samples of all replicas."""
+    waves = 2 * ((nx - 1) // 2 + 1)
+    return 8 * waves * (nv + 4) * (_blocks(waves, nv) + 3 * replicas)
 
 
 def _complex(sums: Array) -> Complex:
@@ -85,8 +101,9 @@ def _complex(sums: Array) -> Complex:
 
 
 @numba.njit(parallel=True, cache=True)
-def _accumulate(x, v, k, low, per_dv, modes, bins, outside):  # type: ignore[no-untyped-def]
-    """Σ v^p (cos mkx, sin mkx) of blocks into modes (blocks, 4, 2(M + 1)), p = 0 over bins into bins (blocks, nv, 2(M + 1))."""
+def _accumulate(x, v, k, low, per_dv, middle, modes, bins, outside):  # type: ignore[no-untyped-def]
+    """Σ (v - middle)^p (cos mkx, sin mkx) of blocks into modes (blocks, 4, 2(M + 1)), p = 0 over bins into bins
+    (blocks, nv, 2(M + 1))."""
     blocks, nv, waves = bins.shape
     count = waves // 2
     for b in numba.prange(blocks):
@@ -105,12 +122,12 @@ def _accumulate(x, v, k, low, per_dv, modes, bins, outside):  # type: ignore[no-
                     wave[count + done + m] = s * wave[m] + c * wave[count + m]
                 c, s = (c - s) * (c + s), 2 * c * s
                 done *= 2
-            u = v[i]
+            u = v[i] - middle
             _add(modes[b, 0], 1.0, wave)
             _add(modes[b, 1], u, wave)
             _add(modes[b, 2], u * u, wave)
             _add(modes[b, 3], u * u * u, wave)
-            place = (u - low) * per_dv
+            place = (v[i] - low) * per_dv
             if 0.0 <= place < nv:
                 _add(bins[b, np.int64(place)], 1.0, wave)
             else:
@@ -130,10 +147,10 @@ def fields(samples: list[Sample], length: float, nx: int, v: Array) -> dict[str,
     f (nx, nv); density, mean_velocity, temperature, heat_flux (nx,); velocity_distribution (nv,); mass, momentum, energy; of all
     but the heat flux `<name>_stderr` too, the standard error of the mean over replicas: NaN where there is one; of all but f and
     the heat flux `<name>_replica` (replica, …), whose mean and standard error these are. Those of u and θ are linear in the
-    replica's moments: u + (j - uρ)/ρ̄ and θ + (e - 2uj + (u² - θ)ρ)/ρ̄, with e = ∫v² f dv and u, θ, ρ̄ of all replicas (the delta
-    method, right to relative O(1/n): test_standard_errors). Where ρ, cut off after M waves, is not positive, u, θ and q are NaN:
-    n is too small there. The error of f is 0 in bins where no replica has a particle, too few for an error. An even nx has its
-    Nyquist mode set to zero.
+    replica's moments: u + (j - uρ)/ρ̄ and θ + (e - 2uj + (u² - θ)ρ)/ρ̄, with e = ∫v² f dv, velocities about c, and u, θ, ρ̄ of all
+    replicas (the delta method, right to relative O(1/n): test_standard_errors). Where ρ, cut off after M waves, is not positive,
+    u, θ and q are NaN: n is too small there. The error of f is 0 in bins where no replica has a particle, too few for an error.
+    An even nx has its Nyquist mode set to zero.
     """
     modes = np.array([sample.modes for sample in samples])
     rho, j, e, third = np.moveaxis(_points(modes, nx, axis=2), 1, 0)
@@ -141,20 +158,21 @@ def fields(samples: list[Sample], length: float, nx: int, v: Array) -> dict[str,
     f, w = _from_averages(_points(f_modes, nx, axis=1)), _from_averages(length * f_modes[:, 0].real)
     total = length * modes[:, :, 0].real
 
+    c = samples[0].middle
     density, flux = rho.mean(axis=0), j.mean(axis=0)
     divisor = np.where(density > 0, density, np.nan)
     u = flux / divisor
     theta = e.mean(axis=0) / divisor - u**2
     q = third.mean(axis=0) - 3 * u * e.mean(axis=0) + 2 * density * u**3
-    result = {"mean_velocity": u, "temperature": theta, "heat_flux": q, "f": f.mean(axis=0), "f_stderr": _stderr(f)}
+    result = {"mean_velocity": c + u, "temperature": theta, "heat_flux": q, "f": f.mean(axis=0), "f_stderr": _stderr(f)}
     replicas = {
         "density": rho,
-        "mean_velocity": u + (j - u * rho) / divisor,
+        "mean_velocity": c + u + (j - u * rho) / divisor,
         "temperature": theta + (e - 2 * u * j + (u**2 - theta) * rho) / divisor,
         "velocity_distribution": w,
         "mass": total[:, 0],
-        "momentum": total[:, 1],
-        "energy": total[:, 2] / 2,
+        "momentum": total[:, 1] + c * total[:, 0],
+        "energy": total[:, 2] / 2 + c * total[:, 1] + c**2 / 2 * total[:, 0],
     }
     for name, values in replicas.items():
         result.setdefault(name, values.mean(axis=0))
@@ -194,7 +212,7 @@ def structure_factor(c: Complex, count: int) -> tuple[Array, Array]:
     1 for independent particles. The mean over times and replicas; the standard error is that of the replicas, or for a single
     one that of the means of 20 spans of its time: right where a span is many correlation times (test_structure_factor).
     """
-    power = count * np.abs(c) ** 2
+    power = count * np.abs(np.asarray(c)) ** 2
     replicas = power.mean(axis=0)
     if replicas.shape[0] > 1:
         return replicas.mean(axis=0), _stderr(replicas)
@@ -210,6 +228,7 @@ def frequency_spectrum(c: Complex, count: int, dt: float) -> tuple[Array, Array,
     at ±π/dt, so lines must be wider than the one and within the other. The standard error is that of the replicas, or for a
     single one Welch's, for Gaussian amplitudes: relative √((1 + (1 - 1/K)/18)/K) with K segments (test_frequency_spectrum).
     """
+    c = np.asarray(c)
     segment = max(1, c.shape[0] // SEGMENTS)
     frequency, power = signal.welch(
         np.conj(c), 1 / dt, "hann", segment, segment // 2, detrend=False, return_onesided=False, scaling="density", axis=0
@@ -230,5 +249,6 @@ def pair_correlation(structure: Array, count: int, length: float, r: Array) -> A
     particles, N(N - 1)/L, it is g(r) = 1 + (2/(N - 1)) Σ_{m>0} (S_m - 1) cos k_m r: 1 for them, and ∫(g - 1) dr = 0.
     With modes up to m it is seen through a resolution of L/2m (test_pair_correlation: exact against the sum over pairs).
     """
+    structure = np.asarray(structure)
     k = 2 * np.pi / length * np.arange(1, structure.size + 1)
     return np.asarray(2 / (count - 1) * np.cos(np.multiply.outer(r, k)) @ (structure - 1))

@@ -1,7 +1,8 @@
 """Positions and velocities of particles from netCDF: starts of runs, and ensembles that others made.
 
 A file has positions `position` or `x` and velocities `velocity` or `v`, over (particle), (replica, particle), or either of them
-after a time, whatever the dimensions are called. Files written with `output.particles` are such files.
+after a time. A dimension called time… is the time, one called replica the replicas; other names do not matter. Files written with
+`output.particles` are such files.
 Tests: tests/particles/test_files.py.
 """
 
@@ -35,12 +36,33 @@ def frame_of_particles(dataset: xr.Dataset, frame: int = -1) -> tuple[Array, Arr
     """x, v (replica, particle) of one frame of a dataset that `particle_names` knows; times are a first dimension `time…`."""
     names = particle_names(dataset)
     assert names is not None
-    x, v = (dataset[name] for name in names)
-    if str(x.dims[0]).startswith("time"):
-        x, v = x[frame], v[frame]
-    if x.ndim > 2:
-        raise SceneError(f"{names[0]}: has dimensions {', '.join(map(str, x.dims))}; allowed: (time,) (replica,) particle")
-    return np.atleast_2d(np.asarray(x, dtype=float)), np.atleast_2d(np.asarray(v, dtype=float))
+    arrays = []
+    for name in names:
+        values = dataset[name]
+        if str(values.dims[0]).startswith("time"):
+            values = values[frame]
+        if values.ndim == 2 and "replica" in values.dims:
+            values = values.transpose("replica", ...)
+        if values.ndim not in (1, 2) or not values.size:
+            raise SceneError(
+                f"{name}: has dimensions {', '.join(f'{d} = {n}' for d, n in dataset[name].sizes.items())}; "
+                "allowed: (time,) (replica,) particle, with at least one particle"
+            )
+        if values.dtype.kind not in "fiu":
+            raise SceneError(f"{name}: is of type {values.dtype}; allowed: numbers")
+        arrays.append(np.atleast_2d(np.asarray(values, dtype=float)))
+    return arrays[0], arrays[1]
+
+
+def last_frame(dataset: xr.Dataset) -> int:
+    """The last frame that is there: a stopped run leaves NaN in the frames to come."""
+    names = particle_names(dataset)
+    assert names is not None
+    places = dataset[names[0]]
+    if not str(places.dims[0]).startswith("time"):
+        return -1
+    frames = [n for n in range(places.shape[0]) if np.isfinite(np.asarray(places[n], dtype=float)).any()]
+    return frames[-1] if frames else -1
 
 
 def count_of(scene: Scene) -> tuple[int, int]:
@@ -71,7 +93,14 @@ def start_from_file(scene: Scene) -> tuple[Array, Array]:
                 f"{where}: has no positions and velocities of particles (position, velocity or x, v over particles); "
                 "the particles start from nothing else (runs write them with output.particles = true)"
             )
-        x, v = frame_of_particles(dataset)
+        if "scene" in dataset.attrs:
+            theirs = Scene.model_validate_json(dataset.attrs["scene"]).pipe.length
+            if not np.isclose(theirs, scene.pipe.length, rtol=1e-9):
+                raise SceneError(f"{where}: its period is {theirs:.10g}, the scene's {scene.pipe.length:.10g}")
+        try:
+            x, v = frame_of_particles(dataset, last_frame(dataset))
+        except SceneError as error:
+            raise SceneError(f"{where}: {error}") from None
     if not (np.isfinite(x).all() and np.isfinite(v).all()):
         raise SceneError(f"{where}: its last positions or velocities are not finite; was the run stopped?")
     length = scene.pipe.length

@@ -52,21 +52,20 @@ def _relative(tau: float, decayed: float) -> float:
 def _fall(tau: float) -> float:
     """(τ - 1 + exp(-τ))/τ²."""
     if tau > 0.5:
-        return (tau + math.expm1(-tau)) / tau**2
+        return (1 + math.expm1(-tau) / tau) / tau
     return sum((-tau) ** n / math.factorial(n + 2) for n in range(16))
 
 
 def _excess(tau: float) -> float:
     """(τ - 2 tanh(τ/2))/τ³."""
     if tau > 1.0:
-        return (tau - 2 * math.tanh(tau / 2)) / tau**3
+        return (1 - 2 * math.tanh(tau / 2) / tau) / tau / tau
     # With u = τ/2, x = u²: tanh u = u/(1 + x/(3 + x/(5 + …))), so u - tanh u = u x/(3 + x/(5 + …) + x)
-    u = tau / 2
-    x = u * u
+    x = tau * tau / 4
     fraction = 0.0
     for odd in range(25, 3, -2):
         fraction = x / (odd + fraction)
-    return 2 * u * x / (3 + fraction + x) / tau**3 if tau else 1 / 12
+    return 1 / (4 * (3 + fraction + x))
 
 
 @numba.njit(inline="always")

@@ -13,11 +13,16 @@ from kinetic_solver.arrays import Array
 from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.homogeneous import start_state
 from kinetic_solver.scene import Scene, SceneError
-from particles import single_file
+from particles import ensemble, single_file
+from particles.estimators import memory_of_samples
 from particles.files import count_of, start_from_file
+from particles.records import written_bytes
 
 LEAST_IN_CELL = 20
-BYTES_PER_PARTICLE = 36
+MOST_STEPS = 2**32
+"""That the random numbers' counter tells apart."""
+MOST_PERIODS = 1e9
+"""Flown through in one step: a place then has seven digits left."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -31,7 +36,7 @@ class ParticlePlan:
     time_step: float
     """inf without collisions: one step from frame to frame."""
     mean_free_path: float
-    """1/(Sρ) at the mean density."""
+    """1/(Sρ) where the start is densest."""
     relative_step: float
     """The step times the largest of γ, the rate of collisions and that of flight over 1/k."""
     relative_width: float
@@ -57,49 +62,79 @@ class ParticlePlan:
 
     @property
     def memory(self) -> int:
-        each = single_file.BYTES_PER_PARTICLE if self.single_file else BYTES_PER_PARTICLE
-        return each * self.scene.particles.count * self.scene.particles.replicas
+        """Bytes of the particles, their cells, and what is made for output."""
+        particles = self.scene.particles
+        count = single_file.memory(particles.count) if self.single_file else ensemble.memory(particles.count, self.cells)
+        samples = memory_of_samples(self.grid.nx, self.grid.nv, particles.replicas)
+        return particles.replicas * count + samples + written_bytes(self.scene, self.grid)
+
+
+@dataclasses.dataclass(frozen=True)
+class _Scales:
+    """Of a scene's start: what steps and cells have to resolve."""
+
+    fastest: float
+    """The largest of γ, the rate of collisions and that of flight over 1/k."""
+    shortest: float
+    """The smallest of the free paths and 1/k."""
+    path: float
 
 
 def make_plan(scene: Scene) -> ParticlePlan:
     """Cells no wider than a quarter of the mean free path, of the thermal free path and of 1/k of the start's shortest wave, but
     for `LEAST_IN_CELL` particles in each; steps in which friction, collisions and flight over 1/k each do a tenth of what they do
-    in all. What `[particles]` gives is kept. Errors: docs/particles.md.
+    in all, where the start is densest and for the largest differences of velocity in it. What `[particles]` gives is kept.
+    Errors: docs/particles.md.
+
+    Raises SceneError where the scene asks for what the particles do not do or this machine cannot hold.
     """
     if scene.initial.file is not None:
         scene = _of_the_file(scene)
-    start, model, length = scene.initial, scene.model, scene.pipe.length
-    if start.eigenmodes:
+    given, length = scene.particles, scene.pipe.length
+    if scene.initial.eigenmodes:
         raise SceneError("initial.eigenmodes: the particles start from a Maxwellian or a file of particles; remove it")
-    hottest = math.sqrt(max(_start(scene)[1].max(), model.noise))
-    modes = (*start.density_modes, *start.velocity_modes, *start.temperature_modes)
-    wave = length / (2 * math.pi * max((m.mode for m in modes), default=1))
-    rate = scene.cross_section * start.density if scene.operator else 0.0
-    path = 1 / rate if rate else math.inf
-    thermal = hottest / model.friction if model.friction else math.inf
-    shortest = min(path, thermal, wave)
-    wanted = math.ceil(4 * length / shortest)
-    cells = scene.particles.cells or max(1, min(wanted, scene.particles.count // LEAST_IN_CELL))
-    in_file = scene.operator is not None and scene.particles.collisions == "single-file"
-    if in_file and scene.particles.cells:
+    if not any((scene.output.f, scene.output.moments, scene.output.scalars, scene.output.particles)):
+        raise SceneError("output: f, moments, scalars and particles are all false; nothing would be written")
+    scales = _scales(scene)
+    in_file = scene.operator is not None and given.collisions == "single-file"
+    if in_file and given.cells:
         raise SceneError("particles.cells: single-file collisions have no cells; remove it")
-    fastest = max(model.friction, 2 * rate * hottest, hottest / wave)
-    step = (scene.particles.time_step or 0.1 / fastest) if rate else math.inf
+    wanted = min(math.ceil(min(4 * length / scales.shortest, 1e18)), given.count // LEAST_IN_CELL)
+    cells = 1 if in_file else given.cells or max(1, wanted)
+    step = (given.time_step or 0.1 / scales.fastest) if scene.operator else math.inf
     grid = PhaseSpaceGrid(scene.grid.nx or 65, scene.grid.nv or 64, length, *(scene.grid.velocity_window or _window(scene)))
-    width = 0.0 if in_file else length / cells / shortest
-    plan = ParticlePlan(scene, grid, 1 if in_file else cells, step, path, step * fastest, width)
-    if in_file and plan.probability > 1:
-        least = math.ceil(scene.cross_section * start.density * length)
+    width = 0.0 if in_file else length / cells / scales.shortest
+    plan = ParticlePlan(scene, grid, cells, step, scales.path, step * scales.fastest, width)
+    _check(plan)
+    return plan
+
+
+def _check(plan: ParticlePlan) -> None:
+    scene, given = plan.scene, plan.scene.particles
+    if plan.single_file and plan.probability > 1:
+        least = math.ceil(scene.cross_section * scene.initial.density * scene.pipe.length)
         raise SceneError(
-            f"particles.count = {scene.particles.count}: an overtaking would be a collision with the probability S_C·w = "
+            f"particles.count = {given.count}: an overtaking would be a collision with the probability S_C·w = "
             f"{plan.probability:.4g}; allowed: up to 1; raise particles.count to {least} or more"
+        )
+    if not scene.run.end_time < MOST_STEPS * plan.time_step:
+        raise SceneError(
+            f"particles.time_step: run.end_time = {scene.run.end_time:g} in steps of {plan.time_step:g} "
+            f"({'given' if given.time_step else 'a tenth of the shortest time in the scene'}); allowed: fewer than 2³² steps"
+        )
+    longest = min(plan.time_step, scene.run.end_time)
+    fastest = max(abs(plan.grid.low), abs(plan.grid.high))
+    if not fastest * longest <= MOST_PERIODS * scene.pipe.length:
+        raise SceneError(
+            f"pipe.length = {scene.pipe.length:g}: particles as fast as {fastest:.3g} fly through it "
+            f"{fastest * longest / scene.pipe.length:.2g} times in one step, so that places have no digits left; allowed: up to "
+            f"{MOST_PERIODS:g} times"
         )
     available = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
     if plan.memory > 0.9 * available:
-        asked = f"particles: count = {scene.particles.count}, replicas = {scene.particles.replicas}"
+        asked = f"particles: count = {given.count}, replicas = {given.replicas}, cells = {plan.cells}"
         needed, there = plan.memory / 2**30, available / 2**30
-        raise SceneError(f"{asked} need {needed:.3g} GiB, this machine has {there:.3g} GiB; reduce them")
-    return plan
+        raise SceneError(f"{asked} need {needed:.3g} GiB, this machine has {there:.3g} GiB; reduce them, or what is written")
 
 
 def _of_the_file(scene: Scene) -> Scene:
@@ -114,27 +149,49 @@ def _of_the_file(scene: Scene) -> Scene:
     return scene.model_copy(update={"particles": wanted.model_copy(update={"count": count, "replicas": copies})})
 
 
-def _start(scene: Scene) -> tuple[Array, Array]:
-    """Mean velocities and temperatures at the start, over the pipe; of a file over all its particles."""
+def _start(scene: Scene) -> tuple[Array, Array, Array]:
+    """Densities, mean velocities and temperatures at the start, over the pipe; of a file over all its particles."""
     if scene.initial.file is not None:
         _, v = start_from_file(scene)
-        return np.array([v.mean()]), np.array([v.var()])
-    x = scene.pipe.length * np.arange(256) / 256
+        return np.array([scene.initial.density]), np.array([v.mean()]), np.array([v.var()])
+    x = scene.pipe.length * np.arange(4096) / 4096
     u0, theta0 = start_state(scene)
-    return initial.mean_velocity(scene, x, u0), initial.temperature(scene, x, theta0)
+    return initial.density(scene, x), initial.mean_velocity(scene, x, u0), initial.temperature(scene, x, theta0)
+
+
+def _scales(scene: Scene) -> _Scales:
+    start, model, length = scene.initial, scene.model, scene.pipe.length
+    density, u, theta = _start(scene)
+    hottest = math.sqrt(max(theta.max(), model.noise))
+    spread = hottest + float(u.max() - u.min())
+    modes = (*start.density_modes, *start.velocity_modes, *start.temperature_modes)
+    waves = [length / (2 * math.pi * max((m.mode for m in modes), default=1))]
+    if start.step is not None:
+        width = start.step.end - start.step.start
+        waves += [length * part / (2 * math.pi) for part in (width, 1 - width) if part > 0]
+    rate = scene.cross_section * float(density.max()) if scene.operator else 0.0
+    path = 1 / rate if rate else math.inf
+    thermal = hottest / model.friction if model.friction else math.inf
+    return _Scales(max(model.friction, 2 * rate * spread, spread / min(waves)), min(path, thermal, *waves), path)
 
 
 def _window(scene: Scene) -> tuple[float, float]:
-    """Six standard deviations about the mean velocities of the start, and of the homogeneous states of the densities in it."""
-    model = scene.model
-    x = scene.pipe.length * np.arange(256) / 256
-    u, theta = _start(scene)
+    """Six standard deviations about the mean velocities of the start, and of the homogeneous states of the densities in it as far
+    as these are approached until the end. Raises SceneError where all velocities are the same to double precision."""
+    model, end = scene.model, scene.run.end_time
+    density, u, theta = _start(scene)
     means = [float(u.min()), float(u.max())]
     if model.friction > 0:
-        thickest = float(initial.density(scene, x).max())
-        drag = scene.cross_section * thickest * model.noise if scene.operator == "follow-the-leader" else 0.0
-        means += [model.gravity / model.friction, (model.gravity - drag) / model.friction]
+        drag = scene.cross_section * float(density.max()) * model.noise if scene.operator == "follow-the-leader" else 0.0
+        approached = -math.expm1(-model.friction * end)
+        for force in (model.gravity, model.gravity - drag):
+            means += [m + (force / model.friction - m) * approached for m in means[:2]]
     else:
-        means += [m + model.gravity * scene.run.end_time for m in means]
-    spread = 6 * math.sqrt(max(float(theta.max()), model.noise))
-    return min(means) - spread, max(means) + spread
+        means += [m + model.gravity * end for m in means]
+    warmest = max(float(theta.max()), model.noise * -math.expm1(-2 * model.friction * end))
+    low, high = min(means) - 6 * math.sqrt(warmest), max(means) + 6 * math.sqrt(warmest)
+    if not high - low > 1e-12 * max(abs(low), abs(high)):
+        raise SceneError(
+            f"grid.velocity_window: all velocities are {means[0]:g} to within rounding; give a window, or raise the temperature"
+        )
+    return low, high

@@ -28,7 +28,7 @@ _UNIT_53, _UNIT_32 = 2.0**-53, 2.0**-32
 
 def key(seed: int, replica: int) -> NDArray[np.uint64]:
     """The two words of a replica's key: independent streams for every (seed, replica), by NumPy's SeedSequence."""
-    return np.random.SeedSequence([seed, replica]).generate_state(2, np.uint32).astype(np.uint64)
+    return np.random.SeedSequence(seed, spawn_key=(replica,)).generate_state(2, np.uint32).astype(np.uint64)
 
 
 @numba.njit(inline="always")

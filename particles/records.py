@@ -3,30 +3,47 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from kinetic_solver.arrays import Array
+from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.output import VARIABLES, Variables
 from kinetic_solver.scene import INELASTIC, Scene
 from particles.estimators import MODES
-from particles.plan import ParticlePlan
 from particles.single_file import sticking
+
+if TYPE_CHECKING:
+    from particles.plan import ParticlePlan
 
 
 def frame_times(scene: Scene) -> Array:
     """All times at which any group is written."""
     times = [scene.times(getattr(scene.output, group)) for group in _TABLE]
-    return np.unique(np.round(np.concatenate(times), 12))
+    merged = np.unique(np.concatenate(times))
+    apart = np.diff(merged, prepend=-math.inf) > _tolerance(scene)
+    return np.asarray(merged[apart])
 
 
 def due(scene: Scene, group: str, time: float) -> bool:
     times = scene.times(getattr(scene.output, group))
-    return bool(times.size) and bool(np.abs(times - time).min() <= 1e-9 * scene.output_every)
+    return bool(times.size) and bool(np.abs(times - time).min() <= _tolerance(scene))
 
 
-COLLAPSE = math.exp(-math.pi / math.sqrt(3))
-"""Restitution below which pairs stick at any probability near 1 (Cornell, Swift and Bray 1998)."""
+def _tolerance(scene: Scene) -> float:
+    """Times of two cadences are the same within this: rounding, far below any cadence."""
+    cadences = [getattr(scene.output, group) for group in _TABLE]
+    return 1e-6 * min([scene.output_every, *(float(c) for c in cadences if not isinstance(c, bool))])
+
+
+def written_bytes(scene: Scene, grid: PhaseSpaceGrid) -> int:
+    """Of the arrays of one frame."""
+    points = grid.nx * grid.nv * (2 + scene.particles.replicas) + 20 * scene.particles.replicas * (grid.nx + grid.nv)
+    particles = 2 * scene.particles.count * scene.particles.replicas if scene.output.particles else 0
+    return 8 * (points + particles)
+
+
 STICKING = 0.1
 """Beyond this share single-file collisions depend on the step (`single_file.sticking`)."""
 
@@ -46,7 +63,8 @@ def report(plan: ParticlePlan) -> dict[str, str]:
         return said
     said["overtakings"] = f"collisions with the probability S_C·w = {plan.probability:.4g}"
     stuck = sticking(plan.probability, plan.scene.model.friction * plan.time_step)
-    if plan.scene.operator != INELASTIC or plan.scene.restitution < COLLAPSE:
+    model = plan.scene.model
+    if model.friction * model.noise > 0 and (plan.scene.operator != INELASTIC or plan.scene.restitution == 0):
         said["overtakings"] += f"; {stuck:.2g} of the pairs that collide do so again before they part"
         if stuck > STICKING:
             said["warning"] = (

@@ -49,6 +49,8 @@ class Simulation:
         """Of the next step that draws random numbers."""
         self.candidates = self.collisions = 0
         """Since the start, of all replicas; of single files all overtakings are candidates."""
+        self.outside = 0.0
+        """Largest share of the particles outside the velocity window, at the frames so far."""
         self._keys = [key(scene.particles.seed, replica) for replica in range(scene.particles.replicas)]
         self.weight = plan.weight
         start = self._start() if state is None else zip(state["x"].copy(), state["v"].copy(), strict=True)
@@ -198,6 +200,7 @@ def frame(simulation: Simulation, sampler: Sampler) -> dict[str, dict[str, Any]]
     modes = np.array([density_modes(sample) for sample in samples])
     values |= {"density_mode_real": modes.real, "density_mode_imag": modes.imag}
     values["outside_window"] = sum(s.outside for s in samples) / (len(samples) * plan.scene.particles.count)
+    simulation.outside = max(simulation.outside, values["outside_window"])
     values["collisions"], values["candidates"] = float(simulation.collisions), float(simulation.candidates)
     groups = {group: table for group, table in variables(plan).items() if due(plan.scene, group, simulation.time)}
     if "particles" in groups:

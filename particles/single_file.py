@@ -31,7 +31,11 @@ from kinetic_solver.scene import Model, SceneError
 from particles.langevin import LangevinStep
 from particles.random import LANGEVIN, OVERTAKINGS, normal, unit, words
 
-BYTES_PER_PARTICLE = 48
+
+def memory(count: int) -> int:
+    """Bytes."""
+    return 48 * count
+
 
 _DONE, _NOT_FINITE, _TOO_MANY = 0, 1, 2
 

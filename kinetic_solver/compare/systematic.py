@@ -13,9 +13,10 @@ from kinetic_solver.scene import Scene, SceneError
 from kinetic_solver.stability import structure_factor
 
 EXACT = 1e-9
-STEP, CELLS = 0.02, 0.01
+STEP, CELLS = 0.1, 0.025
 """Of particles: relative error for a step as long as the shortest time, and for a cell as wide as the shortest length; both
-errors are of second order (docs/particles.md, "Convergence"; `benchmarks.particles_validation` holds them)."""
+errors are of second order. About twice the largest measured for (6) at R* = 0.3 and 1 and for (12) at ε = 0 and 0.5
+(docs/particles.md, "Convergence"; `benchmarks.particles_validation` asserts it)."""
 
 
 def systematic_parts(dataset: xr.Dataset, scene: Scene) -> dict[str, float]:
@@ -45,7 +46,8 @@ def _of_particles(scene: Scene) -> dict[str, float]:
 def contact_excess(scene: Scene, waves: int) -> float:
     """g(0) - 1 = (2/N) Σ_m (S_m - 1): by how much pairs at contact exceed those of independent particles, N to a replica.
 
-    Collisions come more often by that share; what it makes of the fields is at most of that order at R* ≤ 1.
+    A sum over the waves that cells hold. The fields' bias is less for R* ≤ 1, 0.28 of it at most (docs/particles.md); beyond
+    R* = 1.3 that is not measured.
     """
     if scene.model.friction * scene.model.noise == 0:
         return 0.0

@@ -38,7 +38,9 @@ def test_more_candidates_than_a_counter_tells_apart(make_scene: MakeScene, monke
 
 
 def test_an_ensemble_that_does_not_fit(make_scene: MakeScene) -> None:
-    with pytest.raises(SceneError, match=r"particles: count = 1000000000000, replicas = 2 need .* GiB, this machine has"):
+    with pytest.raises(
+        SceneError, match=r"particles: count = 1000000000000, replicas = 2, cells = 51 need .* GiB, this machine has"
+    ):
         make_plan(make_scene(particles={"count": 10**12, "replicas": 2}))
 
 

@@ -73,10 +73,31 @@ def test_resume_without_a_checkpoint_starts_afresh(tmp_path: Path) -> None:
 def test_a_broken_checkpoint_is_said(tmp_path: Path) -> None:
     (tmp_path / "scene.toml").write_text(SCENE)
     assert run(tmp_path, "-o", "out.nc", "--max-walltime", "0").returncode == 3
-    (tmp_path / "out.nc.checkpoint").write_bytes(b"PK")
+    whole = (tmp_path / "out.nc.checkpoint").read_bytes()
+    for broken in (b"", b"nonsense", whole[:1000], whole[:-100]):
+        (tmp_path / "out.nc.checkpoint").write_bytes(broken)
+        done = run(tmp_path, "-o", "out.nc", "--resume")
+        assert done.returncode == 2
+        assert "is not a readable checkpoint; remove it to start afresh" in done.stderr
+
+
+def test_a_file_that_lost_its_end_is_not_continued(tmp_path: Path) -> None:
+    (tmp_path / "scene.toml").write_text(SCENE)
+    assert run(tmp_path, "-o", "out.nc", "--max-walltime", "0").returncode == 3
+    whole = (tmp_path / "out.nc").read_bytes()
+    (tmp_path / "out.nc").write_bytes(whole[: len(whole) // 2])
     done = run(tmp_path, "-o", "out.nc", "--resume")
     assert done.returncode == 2
-    assert "is not a readable checkpoint; remove it to start afresh" in done.stderr
+    assert "has lost what was written before the checkpoint" in done.stderr
+
+
+def test_a_file_of_another_method_is_not_continued(tmp_path: Path) -> None:
+    (tmp_path / "scene.toml").write_text(SCENE)
+    command = [sys.executable, "-m", "kinetic_solver", "run", "scene.toml", "-o", "out.nc", "--method", "exact"]
+    assert subprocess.run(command, cwd=tmp_path, capture_output=True, timeout=120).returncode == 0
+    done = run(tmp_path, "-o", "out.nc", "--resume")
+    assert done.returncode == 2
+    assert "out.nc: is a run of method 'exact'; name another file with -o" in done.stderr
 
 
 def test_resume_is_for_particles(tmp_path: Path) -> None:

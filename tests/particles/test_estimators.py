@@ -42,7 +42,8 @@ def direct(x: Array, v: Array, weight: float, modes: int, faces: Array) -> tuple
     k = 2 * np.arccos(np.longdouble(-1)) / np.longdouble(LENGTH) * np.arange(modes + 1)
     phase = np.multiply.outer(k, x.astype(np.longdouble))
     wave = np.cos(phase) - 1j * np.sin(phase)
-    moments = np.array([(wave * v**p).sum(axis=1) for p in range(4)])
+    middle = (faces[0] + faces[-1]) / 2
+    moments = np.array([(wave * (v - middle) ** p).sum(axis=1) for p in range(4)])
     bins = [wave[:, (v >= low) & (v < high)].sum(axis=1) for low, high in pairwise(faces)]
     scale = weight / LENGTH
     return (scale * moments).astype(complex), (scale / np.diff(faces) * np.array(bins).T).astype(complex)
@@ -54,13 +55,30 @@ def test_sums(nx: int, nv: int) -> None:
     x, v = particles(1500, seed=1)
     x[:3] = -0.7, LENGTH, 31.0
     sample = Sampler(LENGTH, nx, centres(-1.1, 1.7, nv), weight).sample(x, v)
+    assert sample.middle == pytest.approx(0.3, abs=1e-15)
     modes, f_modes = direct(x, v, weight, (nx - 1) // 2, faces)
     assert sample.modes.shape == (4, (nx - 1) // 2 + 1)
     assert sample.f_modes.shape == ((nx - 1) // 2 + 1, nv)
-    scale = weight / LENGTH * np.array([np.abs(v**p).sum() for p in range(4)])
+    scale = weight / LENGTH * np.array([np.abs((v - 0.3) ** p).sum() for p in range(4)])
     assert (np.abs(sample.modes - modes) < 1e-12 * scale[:, None]).all()
     assert np.abs(sample.f_modes - f_modes).max() < 1e-12 * f_modes[0].real.max()
     assert sample.outside == np.sum((v < -1.1) | (v >= 1.7)) > 50
+
+
+def test_far_from_rest() -> None:
+    """θ and q keep their digits at a mean velocity 10⁷ times the thermal one; u, momentum and energy are about rest."""
+    x, v = particles(3000, seed=6)
+    nv, boost = centres(-4.0, 4.0, 32), 2.0**24
+    near, far = (
+        fields([Sampler(LENGTH, 9, nv + u, 0.3).sample(x, v + u) for _ in range(2)], LENGTH, 9, nv + u) for u in (0.0, boost)
+    )
+    rounding = 2.0**24 * 2.0**-52 * 10
+    for name in ("density", "temperature", "heat_flux", "velocity_distribution"):
+        assert far[name] == pytest.approx(near[name], rel=1e-9, abs=rounding), name
+    assert far["mean_velocity"] - boost == pytest.approx(near["mean_velocity"], abs=rounding)
+    mass, momentum, energy = (near[name] for name in ("mass", "momentum", "energy"))
+    assert far["momentum"] == pytest.approx(momentum + boost * mass, rel=1e-14)
+    assert far["energy"] == pytest.approx(energy + boost * momentum + boost**2 / 2 * mass, rel=1e-14)
 
 
 def test_a_sampler_forgets_and_takes_few_particles() -> None:

@@ -99,3 +99,39 @@ def test_what_is_no_file_of_particles(make_scene: MakeScene, tmp_path: Path) -> 
     xr.Dataset({"x": ("n", [0.1, np.nan]), "v": ("n", [0.0, 1.0])}).to_netcdf(lost := tmp_path / "lost.nc")
     with pytest.raises(SceneError, match="are not finite"):
         make_plan(from_file(make_scene, lost))
+
+
+def test_the_replicas_may_come_last(make_scene: MakeScene, cloud: tuple[Path, np.ndarray, np.ndarray]) -> None:
+    path, _, v = cloud
+    turned = path.with_name("turned.nc")
+    with xr.open_dataset(path) as dataset:
+        dataset.transpose("particle", "replica").to_netcdf(turned)
+    assert np.array_equal(Simulation(make_plan(from_file(make_scene, turned))).state()["v"], v)
+
+
+def test_another_period_is_refused(make_scene: MakeScene, tmp_path: Path) -> None:
+    simulate(make_scene(particles={"count": 100}, output={"particles": True})).to_netcdf(tmp_path / "run.nc")
+    with pytest.raises(SceneError, match=r"its period is 9, the scene's 8"):
+        make_plan(from_file(make_scene, tmp_path / "run.nc", pipe={"length": 8.0}))
+
+
+def test_the_last_frame_that_a_stopped_run_reached(make_scene: MakeScene, tmp_path: Path) -> None:
+    x = np.array([[0.1, 0.2], [0.3, 0.4], [np.nan, np.nan]])
+    names = dict.fromkeys(("position", "velocity"), (("time_particles", "replica", "particle"), x[:, None]))
+    xr.Dataset(names).to_netcdf(tmp_path / "stopped.nc")
+    assert Simulation(make_plan(from_file(make_scene, tmp_path / "stopped.nc"))).state()["x"].tolist() == [[0.3, 0.4]]
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ((("n",), np.empty(0)), "allowed: .time,. .replica,. particle, with at least one particle"),
+        ((("a", "b", "c"), np.ones((2, 2, 2))), "has dimensions a = 2, b = 2, c = 2"),
+        ((("time",), np.ones(3)), "allowed: .time,. .replica,. particle"),
+        ((("n",), np.array(["one", "two"])), "allowed: numbers"),
+    ],
+)
+def test_shapes_that_are_no_particles(make_scene: MakeScene, tmp_path: Path, values: Any, message: str) -> None:
+    xr.Dataset({"position": values, "velocity": values}).to_netcdf(tmp_path / "odd.nc")
+    with pytest.raises(SceneError, match=message):
+        make_plan(from_file(make_scene, tmp_path / "odd.nc"))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import astuple
+from decimal import Decimal, localcontext
 
 import numba
 import numpy as np
@@ -11,7 +12,7 @@ import pytest
 from scipy.integrate import quad
 
 from kinetic_solver.scene import Model
-from particles.langevin import LangevinStep, advance, wrapped
+from particles.langevin import LangevinStep, _excess, _fall, advance, wrapped
 from particles.random import LANGEVIN, VELOCITIES, key, standard_normals
 
 MODEL = Model(gravity=1.3, friction=0.7, noise=0.5)
@@ -160,3 +161,20 @@ def test_places_next_to_whole_periods() -> None:
                 place = wrapped.py_func(x, length)
                 assert 0 <= place < length, (x, length)
                 assert min(place, length - place) <= 2 * math.ulp(end)
+
+
+@pytest.mark.parametrize("tau", [1e-300, 1e-107, 1e-20, 1e-4, 0.4999, 0.5001, 0.9999, 1.0001, 30.0, 1e120, 1e300])
+def test_extreme_steps(tau: float) -> None:
+    """The variance of x given v, (2σ/γ²)(γh - 2 tanh(γh/2)), and the fall in gravity: by series, in decimals, by their limits."""
+    t = Decimal(tau)
+    with localcontext() as context:
+        context.prec = 60
+        if tau < 1e-2:
+            excess, fall = Decimal(1) / 12 - t * t / 120, Decimal(1) / 2 - t / 6 + t * t / 24 - t**3 / 120
+        elif tau < 100:
+            decayed = (-t).exp()
+            excess, fall = (t - 2 * (1 - decayed) / (1 + decayed)) / t**3, (t - 1 + decayed) / t**2
+        else:
+            excess, fall = (1 - 2 / t) / t / t, (1 - 1 / t) / t
+    assert _excess(tau) == pytest.approx(float(excess), rel=1e-13)
+    assert _fall(tau) == pytest.approx(float(fall), rel=1e-13)

@@ -14,6 +14,8 @@ import pytest
 import xarray as xr
 
 from kinetic_solver import Scene, SceneError, exact
+from particles.random import key
+from particles.records import due, frame_times
 from particles.simulation import Simulation, make_plan, simulate
 
 MakeScene = Callable[..., Scene]
@@ -137,3 +139,92 @@ def test_the_command_line(tmp_path: Path) -> None:
         assert run.attrs["method"] == "particles"
         assert int(run["status"]) == 1
         assert np.isfinite(run["density_stderr"].values).all()
+
+
+@pytest.mark.parametrize(
+    ("end", "every", "f"), [(10_000.0, 0.1, 0.3), (20_000.0, 0.7, 2.1), (1e-13, 1e-14, 3e-14), (1.0, 0.3, 0.2)]
+)
+def test_frames_of_two_cadences(make_scene: MakeScene, end: float, every: float, f: float) -> None:
+    """No time twice, none lost, and every group due as often as it has times, whatever the unit of time."""
+    scene = make_scene(run={"end_time": end, "output_every": every}, output={"f": f})
+    times = frame_times(scene)
+    assert np.diff(times).min() > 1e-6 * min(every, f)
+    for group, cadence in (("f", f), ("moments", True)):
+        wanted = scene.times(cadence)
+        place = np.clip(np.searchsorted(times, wanted), 1, times.size - 1)
+        nearest = np.minimum(np.abs(times[place] - wanted), np.abs(times[place - 1] - wanted))
+        assert nearest.max() <= 1e-6 * min(every, f)
+        checked = times if times.size < 100 else times[-50:]
+        assert sum(due(scene, group, t) for t in checked) == np.sum(wanted >= checked[0] - 1e-6 * every)
+
+
+def test_the_default_step_and_cells_see_the_flow_and_the_densest_place(make_scene: MakeScene) -> None:
+    """Streams that cross, and a thin dense layer, against a run of fine steps and cells: their energies to 4 standard errors."""
+    streams = make_scene(
+        model={"gravity": 0.0, "friction": 0.1, "noise": 0.0025},
+        collisions={"operator": "follow-the-leader", "cross_section": 1.0},
+        initial={"density": 1.0, "modes": [], "velocity_modes": [{"mode": 1, "sin": 5.0}], "mean_velocity": 0.0},
+        run={"end_time": 1.0},
+        grid=GRID,
+        particles={"count": 20_000, "replicas": 8},
+    )
+    layer = make_scene(
+        model={"gravity": 1.0, "friction": 1.0, "noise": 1.0},
+        collisions={"operator": "follow-the-leader", "cross_section": 1.0},
+        pipe={"length": 25.0},
+        initial={"density": 1.0, "modes": [], "step": {"from": 0.2, "to": 0.25, "ratio": 30.0}},
+        run={"end_time": 1.0},
+        grid=GRID,
+        particles={"count": 40_000, "replicas": 8},
+    )
+    for scene in (streams, layer):
+        run = simulate(scene)
+        fine = scene.particles.model_copy(
+            update={"cells": 2 * make_plan(scene).cells, "time_step": make_plan(scene).time_step / 4, "seed": 2}
+        )
+        again = simulate(scene.model_copy(update={"particles": fine}))
+        for name in ("energy", "momentum"):
+            error = np.hypot(run[f"{name}_stderr"].values[-1], again[f"{name}_stderr"].values[-1])
+            assert abs(run[name].values[-1] - again[name].values[-1]) < 4 * error, name
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"output": {"f": False, "moments": False, "scalars": False}}, "nothing would be written"),
+        ({"collisions": FOLLOW, "particles": {"time_step": 1e-320}}, "allowed: fewer than 2³² steps"),
+        ({"pipe": {"length": 1e-300}, "initial": {"modes": []}}, "so that places have no digits left"),
+        ({"model": {"gravity": 1e30}}, "all velocities are 1.42857e.30 to within rounding"),
+        (
+            {"model": {"noise": 0.0}, "initial": {"temperature": 1e-300, "modes": []}},
+            "grid.velocity_window: all velocities are 1",
+        ),
+        ({"particles": {"cells": 10**21}, "collisions": FOLLOW}, "reduce them"),
+    ],
+)
+def test_what_cannot_be_resolved_is_refused(make_scene: MakeScene, changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(SceneError, match=message):
+        make_plan(make_scene(**changes))
+
+
+def test_the_window_follows_what_friction_reaches(make_scene: MakeScene) -> None:
+    slow, free = (
+        make_plan(make_scene(model={"friction": friction, "gravity": 1.0, "noise": 0.5}, initial={"mean_velocity": 0.0}))
+        for friction in (1e-9, 0.0)
+    )
+    assert (slow.grid.low, slow.grid.high) == pytest.approx((free.grid.low, free.grid.high), rel=1e-6)
+    assert slow.grid.high - slow.grid.low < 20
+
+
+def test_seeds_and_replicas_do_not_meet() -> None:
+    assert not np.array_equal(key(1, 2), key(1 + 2 * 2**32, 0))
+
+
+def test_particles_outside_the_window_are_warned_of(tmp_path: Path) -> None:
+    (tmp_path / "scene.toml").write_text(
+        "[pipe]\nlength = 9.0\n[run]\nend_time = 0.5\n[particles]\ncount = 500\n[grid]\nvelocity_window = [100.0, 101.0]\n"
+    )
+    command = [sys.executable, "-m", "kinetic_solver", "run", "scene.toml", "--method", "particles"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0
+    assert "warning: up to 1 of the particles are outside the velocity window and missing in f and w(v)" in done.stderr
