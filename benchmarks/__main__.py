@@ -16,6 +16,11 @@ NAMES = (
     "random_scenes",
     "hard_cases",
     "linear_theory",
+    "particles_speed",
+    "particles_validation",
+    "comparison",
+    "time_to_accuracy",
+    "clusters",
 )
 
 if __name__ == "__main__":

@@ -24,8 +24,8 @@ OPERATORS: dict[str, dict[str, Any]] = {
 }
 
 
-def scene(name: str, seed: int = 1, **planted: float) -> Scene:
-    """`planted` are factors on what the particles are told."""
+def scene(name: str, seed: int, **planted: float) -> Scene:
+    """`planted` are factors on what the particles are told; seed 0 is the truth's scene."""
     collisions = OPERATORS[name]
     return Scene.model_validate(
         {
@@ -42,10 +42,11 @@ def scene(name: str, seed: int = 1, **planted: float) -> Scene:
                 "temperature": 0.4,
                 "modes": [{"mode": 1, "cos": 0.4}, {"mode": 2, "sin": 0.2}],
             },
-            "run": {"end_time": 6.0, "output_every": 2.0},
-            "output": {"budgets": False},
-            "grid": {"velocity_window": [-4.0, 5.5]} if seed else {},
-            "particles": {"count": 50_000, "replicas": 20, "seed": seed, "cells": 100, "time_step": 0.05},
+            "run": {"end_time": 10.0, "output_every": 0.5},
+            "output": {"f": 10.0, "budgets": False},
+            "accuracy": {"rtol": 1e-6},
+            "grid": {"nx": 17, "nv": 48} if seed else {},
+            "particles": {"count": 50_000, "replicas": 20, "seed": seed, "cells": 150, "time_step": 0.025},
         }
     )
 

@@ -1,10 +1,11 @@
 """`compare`: every field that two datasets share, at every time that they share, on a common grid, and one verdict.
 
-For each field and time three things are tested: the values at the points, the Fourier amplitudes (of fields over x), and χ² of
-the first few amplitudes, or of the shares of w(v) in as many ranges of v. The p of a field is three times the least of theirs,
-that of the comparison the least of all times their number (Bonferroni): whatever is correlated with what, datasets of the same
-scene are said to differ at most at the rate `level`. Where neither has chance in it, they differ if a point does by more than
-the bound.
+For each field and time, and for the mean over all frames after the first, three things are tested: the values at the points, the
+Fourier amplitudes (of fields over x), and χ² of the first few amplitudes, or of the shares of w(v) in as many ranges of v. Mean
+and variance of all velocities are fields of one point. The p of a field is the least of theirs times how many there are, that of
+the comparison the least of all times their number (Bonferroni), where means over frames and single times have half of the level
+each: whatever is correlated with what, datasets of the same scene are said to differ at most at the rate `level`. Where neither
+has chance in it, they differ if a point does by more than the bound.
 Tests: tests/compare/test_compare.py; the rate at which right scenes pass and errors of 1 % are found: docs/compare.md.
 """
 
@@ -18,7 +19,7 @@ import numpy as np
 import xarray as xr
 
 from kinetic_solver.arrays import Array
-from kinetic_solver.compare.sides import OVER_X, SAME_TIME, Side, Values
+from kinetic_solver.compare.sides import OVER_X, SAME_TIME, TOTALS, Side, Values, mean_of
 from kinetic_solver.compare.statistics import beyond, chi_squared, largest_of
 from kinetic_solver.scene import Scene, SceneError
 
@@ -27,11 +28,17 @@ MOST_STATISTICS = 16
 """In one χ²; and no more than half as many as there are replicas, which estimate their covariance."""
 LEAST_COUNT = 50
 """Particles of a replica at a velocity, below which means over replicas are not Gaussian enough."""
+MEAN = math.inf
+"""The time of a row that is about the mean over all frames after the first."""
+MASS = ("mass", "momentum", "energy")
 W = "velocity_distribution"
 MOST_LINES = 25
 """Of the table; what is longer is cut to one line a field."""
 WAVE = 4 / math.pi
 """Largest Fourier amplitude of a function within ±1."""
+
+
+_ALONG: dict[str, tuple[str, ...]] = {W: ("v",), "f": ("x_of_f", "v_of_f"), **dict.fromkeys(TOTALS, ())}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -41,7 +48,7 @@ class Row:
     field: str
     time: float
     points: Array
-    """x (n,), v (n,), or both (n, 2)."""
+    """x (n,), v (n,), both (n, 2), or nothing of use (1,)."""
     first: Array
     second: Array
     error: Array
@@ -82,7 +89,11 @@ class Comparison:
 
     @property
     def p(self) -> float:
-        return min(1.0, len(self.rows) * min(row.p for row in self.rows))
+        """Half of the level is for means over frames, which are few and sharp, half for single times."""
+        means = [row.p for row in self.rows if row.time == MEAN]
+        single = [row.p for row in self.rows if row.time != MEAN]
+        groups = [group for group in (means, single) if group]
+        return min(1.0, len(groups) * min(len(group) * min(group) for group in groups))
 
     @property
     def differ(self) -> bool:
@@ -105,10 +116,11 @@ class Comparison:
             z = np.concatenate([row.z, row.mode_z])
             largest = f"{np.nanmax(np.abs(z)):.2f}" if np.isfinite(z).any() else "–"
             chi = (f"{row.chi_squared if row.chi_squared > 1e-6 else 0:.3g}", row.statistics) if row.statistics else ("–", "–")
-            place = " ".join(f"{part:.3g}" for part in np.atleast_1d(row.points[row.worst]))
+            place = "" if row.field in TOTALS else " ".join(f"{part:.3g}" for part in np.atleast_1d(row.points[row.worst]))
             difference = row.difference[row.worst] / row.scale
+            when = "mean" if row.time == MEAN else f"{row.time:.4g}"
             table.append(
-                f"{row.field:<22}{row.time:9.4g}{difference:+12.2e}{row.bound / row.scale:12.1e}{place:>14}{largest:>9}"
+                f"{row.field:<22}{when:>9}{difference:+12.2e}{row.bound / row.scale:12.1e}{place:>14}{largest:>9}"
                 f"{chi[0]:>10}{chi[1]:>4}{row.p:10.2g}"
             )
         if len(rows) < len(self.rows):
@@ -128,13 +140,13 @@ class Comparison:
 
     def dataset(self) -> xr.Dataset:
         """(time, x or v): differences, standard errors, z; (time,): χ², p, bounds. NaN where a field is not compared."""
-        times = np.array(sorted({row.time for row in self.rows}))
+        times = np.array(sorted({row.time for row in self.rows} - {MEAN}))
         data: dict[str, tuple[tuple[str, ...], Array, dict[str, str]]] = {}
         coordinates: dict[str, Array] = {"time": times}
         for field in dict.fromkeys(row.field for row in self.rows):
             rows = [row for row in self.rows if row.field == field]
-            along: tuple[str, ...] = ("x",) if field in OVER_X else ("v",) if field == W else ("x_of_f", "v_of_f")
-            axes = [np.unique(axis) for axis in rows[0].points.T] if len(along) > 1 else [rows[0].points]
+            along = _ALONG.get(field, ("x",))
+            axes = [np.unique(axis) for axis in rows[0].points.T] if len(along) > 1 else [rows[0].points][: len(along)]
             coordinates |= dict(zip(along, axes, strict=True))
             shape = tuple(axis.size for axis in axes)
             per_row: dict[str, tuple[tuple[str, ...], str, list[Array]]] = {
@@ -150,7 +162,11 @@ class Comparison:
             for name, (dims, text, values) in per_row.items():
                 if values[0].size:
                     full = np.full((times.size, *values[0].shape), np.nan)
-                    full[np.searchsorted(times, [row.time for row in rows])] = values
+                    for row, value in zip(rows, values, strict=True):
+                        if row.time == MEAN:
+                            data[f"{field}_{name}_of_mean"] = (dims, value, {"long_name": f"{text}, mean over frames"})
+                        else:
+                            full[np.searchsorted(times, row.time)] = value
                     data[f"{field}_{name}"] = (("time", *dims), full, {"long_name": text})
         attributes = {"first": self.sides[0], "second": self.sides[1], "notes": "\n".join(self.notes), "verdict": self.verdict}
         return xr.Dataset(data, coordinates, {**attributes, "differ": int(self.differ), "level": self.level, "p": self.p})
@@ -182,17 +198,59 @@ def compare(
     rows: list[Row] = []
     if a.fields_usable and b.fields_usable:
         shared = _shared_times(a, b, "density", time, notes)
-        for t in shared:
-            both = zip(a.over_x(t, nx, v, length).items(), b.over_x(t, nx, v, length).values(), strict=True)
-            for (name, left), right in both:
-                found = _over_x(name, t, length * np.arange(nx) / nx, left, right, a, b)
-                (rows if isinstance(found, Row) else notes).append(found)  # type: ignore[arg-type]
-        for t in shared:
-            rows.append(_over_v(t, v, a.distribution(t, v, nx, length), b.distribution(t, v, nx, length), a, b))
+        _fields(rows, notes, a, b, shared, nx, v, length)
+        if all(side.particles or set(MASS) <= set(side.dataset.data_vars) for side in (a, b)):
+            _totals(rows, a, b, _shared_times(a, b, "mass", time, notes), nx, v, length)
+        else:
+            notes.append("not compared: mean and variance of all velocities, in one of them alone (output.scalars)")
         _phase_space(rows, notes, a, b, nx, v, time, length)
     if not rows:
         raise SceneError("nothing to compare: " + "; ".join(notes))
     return Comparison((a.describe(), b.describe()), rows, list(dict.fromkeys(notes)), level, scene)
+
+
+def _fields(rows: list[Row], notes: list[str], a: Side, b: Side, times: list[float], nx: int, v: Array, length: float) -> None:
+    """Fields over x, and w(v), at each time and in their mean over all after the first."""
+    x = length * np.arange(nx) / nx
+    seen: dict[str, list[tuple[Values, Values]]] = {name: [] for name in (*OVER_X, W)}
+    for t in times:
+        ours, theirs = (side.over_x(t, nx, v, length) for side in (a, b))
+        for name in OVER_X:
+            pair = ours[name], theirs[name]
+            if all(np.isfinite(values.points).all() for values in pair):
+                seen[name] += [pair] * (t > times[0])
+                rows.append(_over_x(name, t, x, *pair, a, b))
+            else:
+                why = "the density is not positive everywhere; more particles, or fewer points in x"
+                notes.append(f"not compared: {name} at t = {t:g}: {why}")
+        pair = a.distribution(t, v, nx, length), b.distribution(t, v, nx, length)
+        seen[W] += [pair] * (t > times[0])
+        rows.append(_over_v(t, v, *pair, a, b))
+    for name, pairs in seen.items():
+        if len(pairs) > 1:
+            left, right = (mean_of([pair[side] for pair in pairs]) for side in (0, 1))
+            rows.append(_over_v(MEAN, v, left, right, a, b) if name == W else _over_x(name, MEAN, x, left, right, a, b))
+
+
+def _totals(rows: list[Row], a: Side, b: Side, times: list[float], nx: int, v: Array, length: float) -> None:
+    """Mean and variance of all velocities, likewise."""
+    seen: dict[str, list[tuple[Values, Values]]] = {name: [] for name in TOTALS}
+    for t in times:
+        ours, theirs = (side.totals(t, nx, v, length) for side in (a, b))
+        for name in TOTALS:
+            seen[name] += [(ours[name], theirs[name])] * (t > times[0])
+            rows.append(_of_all(name, t, ours[name], theirs[name], ours, a, b))
+    for name, pairs in seen.items():
+        if len(pairs) > 1:
+            left, right = (mean_of([pair[side] for pair in pairs]) for side in (0, 1))
+            rows.append(_of_all(name, MEAN, left, right, ours, a, b))
+
+
+def _of_all(name: str, time: float, left: Values, right: Values, scales: dict[str, Values], a: Side, b: Side) -> Row:
+    variance = float(scales["variance_of_all"].points[0])
+    scale = max(abs(float(left.points[0])), math.sqrt(variance)) if name == "velocity_of_all" else variance
+    bound = (a.bound + b.bound) * scale
+    return _row(name, time, np.zeros(1), left, right, bound, scale, np.ones(1, dtype=bool))
 
 
 def _differences(a: Side, b: Side) -> list[str]:
@@ -253,14 +311,10 @@ def _shared_times(a: Side, b: Side, field: str, time: float | None, notes: list[
     return shared
 
 
-def _over_x(name: str, time: float, x: Array, left: Values, right: Values, a: Side, b: Side) -> Row | str:
-    if not (np.isfinite(left.points).all() and np.isfinite(right.points).all()):
-        return (
-            f"not compared: {name} at t = {time:g}: the density is not positive everywhere; more particles, or fewer points in x"
-        )
+def _over_x(name: str, time: float, x: Array, left: Values, right: Values, a: Side, b: Side) -> Row:
     scale = float(max(np.abs(left.points).max(), np.abs(right.points).max()))
     if name == "mean_velocity":
-        scale = max([scale, *(math.sqrt(theta) for side in (a, b) if (theta := side.hottest(time)) is not None)])
+        scale = max([scale, *(math.sqrt(theta) for side in (a, b) if (theta := side.hottest) is not None)])
     bound = (a.bound + b.bound) * scale
     waves, bounds = _amplitudes(x.size), np.full(x.size, WAVE * bound)
     bounds[0] = bound
@@ -276,7 +330,7 @@ def _over_v(time: float, v: Array, left: Values, right: Values, a: Side, b: Side
     enough = w / w.sum() * _least_particles(a, b) >= LEAST_COUNT
     number = min(MOST_STATISTICS, max(1, freedom // 2))
     group = ((np.cumsum(w) - w / 2) / w.sum() * (number + 1)).astype(int)
-    groups = np.array([dv * (group == n) for n in np.unique(group)[:number]])
+    groups = np.array([dv * (group == n) for n in np.unique(group)[:-1]]).reshape(-1, v.size)
     return _row(W, time, v, left, right, bound, scale, enough, groups, groups.sum(axis=1) * bound)
 
 
@@ -347,7 +401,7 @@ def _row(
         ours, theirs = left.over(modes), right.over(modes)
         mode_z = _z(ours.points - theirs.points, bounds, np.sqrt(ours.variance + theirs.variance))
         found.append(largest_of(mode_z, freedom))
-    if statistics is not None and bounds is not None:
+    if statistics is not None and bounds is not None and len(statistics):
         chosen = min(len(statistics), MOST_STATISTICS, max(1, freedom // 2))
         ours, theirs = left.over(statistics[:chosen]), right.over(statistics[:chosen])
         if (ours.variance + theirs.variance > 0).all():

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from kinetic_solver.compare.comparison import Comparison, Row
+from kinetic_solver.compare.comparison import MEAN, Comparison, Row
 from kinetic_solver.scene import SceneError
 
 FIRST, SECOND = "#0072B2", "#D55E00"
@@ -42,7 +42,8 @@ def comparison_figure(found: Comparison) -> Figure:
         _fields(top, row, names)
         _differences(bottom, row)
     axes[0, -1].legend(fontsize=8, loc="best")
-    figure.suptitle(f"t = {worst.time:g}     {found.verdict}", fontsize=11)
+    when = "mean over the frames after the first" if worst.time == MEAN else f"t = {worst.time:g}"
+    figure.suptitle(f"{when}     {found.verdict}", fontsize=11)
     return figure
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 from pathlib import Path
 
@@ -19,6 +20,7 @@ PARTS = 20
 MOST_POINTS = 33
 """In x, on which raw particles are seen."""
 OVER_X = ("density", "mean_velocity", "temperature")
+TOTALS = ("velocity_of_all", "variance_of_all")
 SAME_TIME = 1e-9
 
 
@@ -59,6 +61,14 @@ class Values:
         """Linear statistics (q,) of the points, matrix (q, n)."""
         replicas = None if self.replicas is None else self.replicas @ matrix.T
         return Values(matrix @ self.points, replicas, self.inflation)
+
+
+def mean_of(values: list[Values]) -> Values:
+    """Over frames: each replica's mean is its share."""
+    points = np.mean([v.points for v in values], axis=0)
+    if values[0].replicas is None:
+        return Values(points)
+    return Values(points, np.mean([v.replicas for v in values if v.replicas is not None], axis=0), values[0].inflation)
 
 
 class Side:
@@ -106,9 +116,10 @@ class Side:
             return x.shape[1] if x.shape[0] > 1 else x.shape[1] / PARTS
         return self.scene.particles.count if self.scene is not None else math.nan
 
-    def hottest(self, time: float) -> float | None:
+    @functools.cached_property
+    def hottest(self) -> float | None:
         """max θ; None of raw particles."""
-        return None if self.particles else float(np.nanmax(self.dataset["temperature"].values[self.frame("temperature", time)]))
+        return None if self.particles else float(np.nanmax(self.dataset["temperature"].values))
 
     # -- where and when
 
@@ -158,6 +169,29 @@ class Side:
             j = u * r + rho * du
             moments = np.stack([r, j, rho * dtheta + 2 * u * j - (u**2 - theta) * r], axis=1)
         return _fields_of(_resampled(moments, nx), self.stochastic)
+
+    def totals(self, time: float, nx: int, v: Array, length: float) -> dict[str, Values]:
+        """Of all particles together: `TOTALS`, each (1,)."""
+        names = ("mass", "momentum", "energy")
+        if self.particles:
+            found = self._fields(time, nx, v, length)
+            shares = np.array([found[f"{name}_replica"] for name in names])
+        elif self.stochastic:
+            shares = np.array([self.dataset[f"{name}_replica"].values[self.frame(name, time)] for name in names])
+        else:
+            shares = np.array([[float(self.dataset[name][self.frame(name, time)])] for name in names])
+        mass, momentum, energy = shares.mean(axis=1)
+        u, own = momentum / mass, shares[:, :, None]
+        variance = 2 * energy / mass - u**2
+        velocity = Values(np.array([u]), u + (own[1] - u * own[0]) / mass, self._inflation() if self.particles else 1.0)
+        spread = variance + (2 * own[2] - 2 * u * own[1] + (u**2 - variance) * own[0]) / mass
+        found_values = {
+            "velocity_of_all": velocity,
+            "variance_of_all": dataclasses.replace(velocity, points=np.array([variance]), replicas=spread),
+        }
+        if self.stochastic:
+            return found_values
+        return {name: Values(values.points) for name, values in found_values.items()}
 
     def distribution(self, time: float, v: Array, nx: int, length: float) -> Values:
         """w(v)."""
