@@ -27,6 +27,7 @@ LENGTH = 8 * math.pi
 COUNT = 10_000
 RESTITUTION = 0.5
 BINS = 50
+FIT_STEPS = 500
 PARTICLES, EQUATION, GAUSSIAN, TWO = "0.45", "#0072B2", "#000000", "#D55E00"
 
 
@@ -54,7 +55,8 @@ def snapshots(scene: Scene) -> xr.Dataset:
 
     `position`, `velocity`; `density_histogram` over its mean; w(v) per particle: `histogram`, `equation`, `gaussian` of the
     particles' mean and variance, `two_populations`: homogeneous states of the mean densities that particles see in the bins
-    above and below ρ̄, each with its share of them, nothing fitted to w.
+    above and below ρ̄, each with its share of them, nothing fitted to w; `two_fitted`: two Gaussians of the variance θ_h, their
+    means (time, population) `population_velocity` and shares `population_share` fitted to the particles (`fit_two`).
     """
     from particles.plan import make_plan
     from particles.simulation import Simulation
@@ -68,7 +70,10 @@ def snapshots(scene: Scene) -> xr.Dataset:
         places.append(x.copy())
         velocities.append(v.copy())
     v = np.linspace(min(map(np.min, velocities)) - 0.5, max(map(np.max, velocities)) + 0.5, 61)
-    columns: dict[str, list[Array]] = {name: [] for name in ("density_histogram", "histogram", "equation", "gaussian", "two")}
+    state = homogeneous_state(scene)
+    assert state is not None
+    names = ("density_histogram", "histogram", "equation", "gaussian", "two", "fitted", "mean", "share")
+    columns: dict[str, list[Array]] = {name: [] for name in names}
     for time, x, u in zip(TIMES, places, velocities, strict=True):
         density = np.histogram(x, BINS, (0, scene.pipe.length))[0] * BINS / x.size
         columns["density_histogram"].append(density)
@@ -78,12 +83,23 @@ def snapshots(scene: Scene) -> xr.Dataset:
         columns["equation"].append(w.interp(v=v, method="cubic", kwargs={"fill_value": 0.0}).values)
         columns["gaussian"].append(_gaussian(v, float(u.mean()), float(u.var())))
         columns["two"].append(_two_populations(scene, density, v))
+        means, shares = fit_two(u, state.temperature)
+        columns["mean"].append(means)
+        columns["share"].append(shares)
+        columns["fitted"].append(sum(s * _gaussian(v, float(m), state.temperature) for m, s in zip(means, shares, strict=True)))
     over_v = {"histogram": "particles", "equation": "of (2)", "gaussian": "Gaussian of the particles' mean and variance"}
     data = {
         "position": (("time", "replica", "particle"), np.array(places)[:, None]),
         "velocity": (("time", "replica", "particle"), np.array(velocities)[:, None]),
         "density_histogram": (("time", "bin"), np.array(columns["density_histogram"]), {"long_name": "density over its mean"}),
         **{name: (("time", "v_bin"), np.array(columns[name]), {"long_name": text}) for name, text in over_v.items()},
+        "population_velocity": (
+            ("time", "population"),
+            np.array(columns["mean"]),
+            {"long_name": "means of the fitted Gaussians"},
+        ),
+        "population_share": (("time", "population"), np.array(columns["share"]), {"long_name": "their shares"}),
+        "two_fitted": (("time", "v_bin"), np.array(columns["fitted"]), {"long_name": "two fitted Gaussians of variance θ_h"}),
         "two_populations": (("time", "v_bin"), np.array(columns["two"]), {"long_name": "homogeneous states of two densities"}),
     }
     centres = scene.pipe.length * (np.arange(BINS) + 0.5) / BINS
@@ -93,6 +109,22 @@ def snapshots(scene: Scene) -> xr.Dataset:
 
 def _gaussian(v: Array, mean: float, variance: float) -> Array:
     return np.asarray(np.exp(-((v - mean) ** 2) / (2 * variance)) / math.sqrt(2 * math.pi * variance))
+
+
+def fit_two(velocities: Array, variance: float) -> tuple[Array, Array]:
+    """(means (2,) ascending, shares (2,)) of two Gaussians of a given variance: maximum likelihood by expectation-maximisation.
+
+    Both means are the sample's where it is no wider than that variance.
+    """
+    start = math.sqrt(max(float(velocities.var()) - variance, 0.0))
+    means, shares = velocities.mean() + np.array([-start, start]), np.array([0.5, 0.5])
+    for _ in range(FIT_STEPS):
+        likelihood = shares[:, None] * np.exp(-((velocities - means[:, None]) ** 2) / (2 * variance))
+        belongs = likelihood / likelihood.sum(axis=0)
+        weight = belongs.sum(axis=1)
+        means, shares = belongs @ velocities / weight, weight / velocities.size
+    order = np.argsort(means)
+    return means[order], shares[order]
 
 
 def _two_populations(scene: Scene, density: Array, v: Array) -> Array:
@@ -134,6 +166,11 @@ def summary(dataset: xr.Dataset) -> list[str]:
             f"{time:6g}{density.std():12.3f}{density.max():12.3f}{u.mean():9.3f}{u.var():10.3f}{(c**3).mean():10.3f}"
             f"{(c**4).mean() / 3 - 1:8.3f}"
         )
+    for time, means, shares in zip(
+        *(dataset[n].values for n in ("time", "population_velocity", "population_share")), strict=True
+    ):
+        parts = ", ".join(f"{share:.2f} at {mean:.3g}" for mean, share in zip(means, shares, strict=True))
+        lines.append(f"t = {time:g}: two populations of variance {state.temperature:.3g}, shares {parts}")
     lines.append(f"(2) stays homogeneous: mean v {state.mean_velocity:.4g}, variance {state.temperature:.4g}")
     lines.append(
         f"linear theory of noise: contrast {expected_contrast(scene):.3g} (independent particles "
@@ -165,13 +202,16 @@ def _figure(dataset: xr.Dataset) -> Figure:
         bottom.bar(frame["v_bin"], frame["histogram"], dv, color=PARTICLES)
         bottom.plot(frame["v_bin"], frame["equation"], color=EQUATION, lw=1.8, label="equation (2)")
         bottom.plot(frame["v_bin"], frame["gaussian"], color=GAUSSIAN, lw=1, ls="--", label="Gaussian of that mean and variance")
-        bottom.plot(frame["v_bin"], frame["two_populations"], color=TWO, lw=1.4, label="two populations")
+        bottom.plot(frame["v_bin"], frame["two_fitted"], color=TWO, lw=1.6, label="two populations, fitted")
+        bottom.plot(
+            frame["v_bin"], frame["two_populations"], color=TWO, lw=1, ls=":", label="two populations of the two densities"
+        )
         bottom.set_xlabel("v")
     axes[0, 0].set_ylabel("density over its mean")
     axes[1, 0].set_ylabel("w(v), per particle")
     axes[0, 0].legend(fontsize=8)
     axes[1, 0].legend(fontsize=7, loc="upper left")
-    axes[1, 0].set_ylim(top=1.35 * float(dataset["histogram"].max()))
+    axes[1, 0].set_ylim(top=1.5 * float(dataset["histogram"].max()))
     kind = "operator (12), ε = 0.5" if scene.operator == INELASTIC else "operator (6)"
     number = scene.groups.collision_number
     figure.suptitle(

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from scipy import signal
 
 from kinetic_solver.arrays import Array
+from particles.threads import threads_for
 
 Complex = NDArray[np.complex128]
 
@@ -78,7 +79,8 @@ class Sampler:
     def sample(self, x: Array, v: Array) -> Sample:
         """x, v (n,): positions, anywhere on the line, and velocities."""
         k = 2 * math.pi / self.length
-        _accumulate(x, v, k, self._low, 1 / self.dv, self.middle, self._modes, self._bins, self._outside)
+        with threads_for(x.size):
+            _accumulate(x, v, k, self._low, 1 / self.dv, self.middle, self._modes, self._bins, self._outside)
         scale = self.weight / self.length
         modes, bins = scale * _complex(self._modes.sum(axis=0)), scale / self.dv * _complex(self._bins.sum(axis=0))
         return Sample(modes, np.ascontiguousarray(bins.T), int(self._outside.sum()), self.middle)

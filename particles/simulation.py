@@ -23,6 +23,7 @@ from particles.plan import ParticlePlan, make_plan
 from particles.random import POSITIONS, VELOCITIES, key, standard_normals, uniforms
 from particles.records import coordinates, due, frame_times, report, variables
 from particles.single_file import SingleFile
+from particles.threads import threads_for
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -99,16 +100,20 @@ class Simulation:
         scene, interval = self.plan.scene, time - self.time
         if interval <= 0:
             return
-        if scene.operator is None:
-            whole = LangevinStep.over(scene.model, interval)
-            for ensemble, k in zip(self.ensembles, self._keys, strict=True):
-                ensemble.advance(whole, self.number, k)
-            self.number += 1
-        elif self.plan.single_file:
-            self._overtake_to(interval)
-        else:
-            self._collide_to(interval)
+        with threads_for(scene.particles.count):
+            if scene.operator is None:
+                self._fly(interval)
+            elif self.plan.single_file:
+                self._overtake_to(interval)
+            else:
+                self._collide_to(interval)
         self.time = time
+
+    def _fly(self, interval: float) -> None:
+        whole = LangevinStep.over(self.plan.scene.model, interval)
+        for ensemble, k in zip(self.ensembles, self._keys, strict=True):
+            ensemble.advance(whole, self.number, k)
+        self.number += 1
 
     def _steps(self, interval: float) -> int:
         return math.ceil(interval / self.plan.time_step * (1 - 1e-12))

@@ -1,0 +1,25 @@
+"""How many threads a loop over particles takes: one for fewer than 400 000 of them, where threads would wait more than they work.
+
+On busy cores they wait for milliseconds at the end of every loop: 10⁴ particles were up to fifty times slower on two threads.
+Results are the same at any number.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numba
+
+PARTICLES_OF_A_THREAD = 200_000
+
+
+@contextmanager
+def threads_for(count: int) -> Iterator[None]:
+    """As many threads as `count` particles are worth, and no more than there are; numba's setting is restored."""
+    allowed = numba.get_num_threads()
+    numba.set_num_threads(max(1, min(allowed, count // PARTICLES_OF_A_THREAD)))
+    try:
+        yield
+    finally:
+        numba.set_num_threads(allowed)
