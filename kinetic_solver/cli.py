@@ -469,6 +469,8 @@ def figure(
         from kinetic_solver.scene import SceneError, one_line
         from kinetic_solver.snapshots import figure_scene, save_snapshots, snapshots, summary
 
+        if output is not None and output.suffix == ".png":
+            raise SceneError(f"-o {output}: is for the dataset; allowed: a name that does not end in .png (the picture has that)")
         target = output or Path(f"figure_{number}{'_inelastic' if operator == 'inelastic' else ''}.nc")
         if target.exists() and not overwrite:
             raise SceneError(f"{target}: exists already; use --overwrite to replace it, or name another file with -o")

@@ -22,9 +22,12 @@ def summary(dataset: xr.Dataset) -> list[str]:
     if "time" in dataset.coords and dataset.sizes["time"]:
         t = dataset["time"].values
         lines.append(f"frames      {t.size}, t = {t[0]:g} to {t[-1]:g}")
-    lines.append(f"grid        nx = {dataset.sizes.get('x')}, nv = {dataset.sizes.get('v')}")
-    v = dataset["v"].values
-    lines.append(f"velocities  {v[0]:.5g} to {v[-1]:.5g}")
+    if "x" in dataset.coords and "v" in dataset.coords:
+        v = dataset["v"].values
+        lines.append(f"grid        nx = {dataset.sizes['x']}, nv = {v.size}")
+        lines.append(f"velocities  {v[0]:.5g} to {v[-1]:.5g}")
+    else:
+        lines.append(f"variables   {', '.join(map(str, dataset.data_vars))}")
 
     def last(name: str) -> float:
         values = np.asarray(dataset[name].values, dtype=float)
@@ -49,7 +52,7 @@ def summary(dataset: xr.Dataset) -> list[str]:
         if name in dataset:
             worst = dataset[name].min() if name == "minimum_of_f" else dataset[name].max()
             lines.append(f"{name:<20}{float(worst):.2g}   {dataset[name].attrs['long_name']}")
-    for name in ("limited_by", "grids", "certified"):
+    for name in ("limited_by", "grids", "certified", "cells", "overtakings", "weight", "warning", "first", "second", "verdict"):
         if name in a:
             lines.append(f"{name:<12}{a[name]}")
     lines.append(f"scene       {a.get('scene', 'none')}")

@@ -13,69 +13,30 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import numpy as np
 import xarray as xr
 
 from kinetic_solver.arrays import Array
+from kinetic_solver.compare.rows import LEAST_COUNT, MEAN, Both, Row, W, of_all, over_phase_space, over_v, over_x
 from kinetic_solver.compare.sides import OVER_X, SAME_TIME, TOTALS, Side, Values, mean_of
-from kinetic_solver.compare.statistics import beyond, chi_squared, largest_of
 from kinetic_solver.scene import Scene, SceneError
 
 LEVEL = 0.01
-MOST_STATISTICS = 16
-"""In one χ²; and no more than half as many as there are replicas, which estimate their covariance."""
-LEAST_COUNT = 50
-"""Particles of a replica at a velocity, below which means over replicas are not Gaussian enough."""
-MEAN = math.inf
-"""The time of a row that is about the mean over all frames after the first."""
+UNRESOLVED = 0.01
+"""Sum of the shortest waves' amplitudes over the density's maximum, beyond which fields over x are not compared."""
+COARSE = 0.1
+"""Bound on the systematic part over a field's scale, beyond which it is pointed out."""
+LEAST_VELOCITIES = 8
+"""Common points in v for w and f to be compared."""
 MASS = ("mass", "momentum", "energy")
-W = "velocity_distribution"
 MOST_LINES = 25
 """Of the table; what is longer is cut to one line a field."""
-WAVE = 4 / math.pi
-"""Largest Fourier amplitude of a function within ±1."""
 
 
 _ALONG: dict[str, tuple[str, ...]] = {W: ("v",), "f": ("x_of_f", "v_of_f"), **dict.fromkeys(TOTALS, ())}
-
-
-@dataclasses.dataclass(frozen=True)
-class Row:
-    """One field at one time."""
-
-    field: str
-    time: float
-    points: Array
-    """x (n,), v (n,), both (n, 2), or nothing of use (1,)."""
-    first: Array
-    second: Array
-    error: Array
-    """Standard error of the difference; 0 without chance, NaN where there are too few particles for one."""
-    bound: float
-    """On the systematic part of the difference."""
-    scale: float
-    """What relative numbers are relative to."""
-    z: Array
-    """(first - second), less what the bound grants, in standard errors; NaN where there is none."""
-    mode_z: Array
-    """Likewise the amplitudes 1, cos, sin, cos 2, … of a field over x; empty otherwise."""
-    chi_squared: float
-    """NaN without chance."""
-    statistics: int
-    """In χ²."""
-    p: float
-    """Probability of so large a difference by chance, at most; without chance 1 within the bound and 0 beyond."""
-
-    @property
-    def difference(self) -> Array:
-        return self.first - self.second
-
-    @property
-    def worst(self) -> int:
-        """Where z is largest, or without chance the difference."""
-        return int(np.argmax(np.abs(self.difference) if np.isnan(self.z).all() else np.nan_to_num(np.abs(self.z))))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -102,7 +63,7 @@ class Comparison:
     @property
     def verdict(self) -> str:
         word = "they differ" if self.differ else "no difference found"
-        if not any(row.statistics for row in self.rows):
+        if all(np.isnan(row.z).all() for row in self.rows):
             worst = max(float(np.abs(row.difference).max() / row.bound) for row in self.rows)
             return f"{word}: at most {worst:.2g} times what the systematic parts allow"
         return f"{word}: p = {self.p:.2g} over {len(self.rows)} fields and times, level {self.level:g}"
@@ -198,59 +159,110 @@ def compare(
     rows: list[Row] = []
     if a.fields_usable and b.fields_usable:
         shared = _shared_times(a, b, "density", time, notes)
-        _fields(rows, notes, a, b, shared, nx, v, length)
+        known = _fields(rows, notes, a, b, shared, nx, v, length)
         if all(side.particles or set(MASS) <= set(side.dataset.data_vars) for side in (a, b)):
             _totals(rows, a, b, _shared_times(a, b, "mass", time, notes), nx, v, length)
         else:
             notes.append("not compared: mean and variance of all velocities, in one of them alone (output.scalars)")
-        _phase_space(rows, notes, a, b, nx, v, time, length)
+        _phase_space(rows, notes, known, _shared_times(a, b, "f", time, notes), nx, v, length)
     if not rows:
         raise SceneError("nothing to compare: " + "; ".join(notes))
+    if (worst := max(row.bound / row.scale if row.scale else 0.0 for row in rows)) > COARSE:
+        notes.append(f"the systematic part may be {worst:.2g} of the fields: nothing smaller is seen")
     return Comparison((a.describe(), b.describe()), rows, list(dict.fromkeys(notes)), level, scene)
 
 
-def _fields(rows: list[Row], notes: list[str], a: Side, b: Side, times: list[float], nx: int, v: Array, length: float) -> None:
+def _fields(
+    rows: list[Row], notes: list[str], a: Side, b: Side, times: list[float], nx: int, v: Array, length: float
+) -> dict[float, Both]:
     """Fields over x, and w(v), at each time and in their mean over all after the first."""
     x = length * np.arange(nx) / nx
+    scatter = a.stochastic or b.stochastic
     seen: dict[str, list[tuple[Values, Values]]] = {name: [] for name in (*OVER_X, W)}
+    known: dict[float, Both] = {}
     for t in times:
-        ours, theirs = (side.over_x(t, nx, v, length) for side in (a, b))
-        for name in OVER_X:
+        ours, theirs = (side.over_x(t, nx, v, length) if scatter else side.at_points(t, nx) for side in (a, b))
+        theta = np.concatenate([values["temperature"].points for values in (ours, theirs)])
+        theta = theta[np.isfinite(theta) & (theta > 0)]
+        hottest, coldest = (float(theta.max()), float(theta.min())) if theta.size else (0.0, math.inf)
+        both = known[t] = Both(a, b, hottest, coldest, a.unresolved(t) + b.unresolved(t))
+        if both.folded > UNRESOLVED:
+            notes.append(
+                f"not compared: fields over x at t = {t:g}, whose waves (of a density step?) the grids do not hold; raise nx"
+            )
+        for name in OVER_X if both.folded <= UNRESOLVED else ():
             pair = ours[name], theirs[name]
             if all(np.isfinite(values.points).all() for values in pair):
                 seen[name] += [pair] * (t > times[0])
-                rows.append(_over_x(name, t, x, *pair, a, b))
+                rows.append(over_x(name, t, x, *pair, both))
             else:
                 why = "the density is not positive everywhere; more particles, or fewer points in x"
                 notes.append(f"not compared: {name} at t = {t:g}: {why}")
-        pair = a.distribution(t, v, nx, length), b.distribution(t, v, nx, length)
-        seen[W] += [pair] * (t > times[0])
-        rows.append(_over_v(t, v, *pair, a, b))
+        if v.size >= LEAST_VELOCITIES:
+            pair = a.distribution(t, v, nx, length), b.distribution(t, v, nx, length)
+            seen[W] += [pair] * (t > times[0])
+            rows.append(over_v(t, v, *pair, both))
+    if v.size < LEAST_VELOCITIES:
+        notes.append(f"not compared: w(v) and f: the velocity windows share {v.size} points; allowed: {LEAST_VELOCITIES} or more")
+    resolved = [both for both in known.values() if both.folded <= UNRESOLVED]
+    of_mean = Both(a, b, *(pick(getattr(one, part) for one in resolved) for part, pick in _EXTREMES)) if resolved else None
     for name, pairs in seen.items():
-        if len(pairs) > 1:
+        if len(pairs) > 1 and of_mean is not None:
             left, right = (mean_of([pair[side] for pair in pairs]) for side in (0, 1))
-            rows.append(_over_v(MEAN, v, left, right, a, b) if name == W else _over_x(name, MEAN, x, left, right, a, b))
+            rows.append(over_v(MEAN, v, left, right, of_mean) if name == W else over_x(name, MEAN, x, left, right, of_mean))
+    return known
+
+
+_EXTREMES: tuple[tuple[str, Callable[[Iterable[float]], float]], ...] = (("hottest", max), ("coldest", min), ("folded", max))
 
 
 def _totals(rows: list[Row], a: Side, b: Side, times: list[float], nx: int, v: Array, length: float) -> None:
     """Mean and variance of all velocities, likewise."""
     seen: dict[str, list[tuple[Values, Values]]] = {name: [] for name in TOTALS}
+    variance, both = 1.0, Both(a, b, 0.0, math.inf)
     for t in times:
         ours, theirs = (side.totals(t, nx, v, length) for side in (a, b))
+        variance = float(ours["variance_of_all"].points[0])
         for name in TOTALS:
             seen[name] += [(ours[name], theirs[name])] * (t > times[0])
-            rows.append(_of_all(name, t, ours[name], theirs[name], ours, a, b))
+            rows.append(of_all(name, t, ours[name], theirs[name], variance, both))
     for name, pairs in seen.items():
         if len(pairs) > 1:
             left, right = (mean_of([pair[side] for pair in pairs]) for side in (0, 1))
-            rows.append(_of_all(name, MEAN, left, right, ours, a, b))
+            rows.append(of_all(name, MEAN, left, right, variance, both))
 
 
-def _of_all(name: str, time: float, left: Values, right: Values, scales: dict[str, Values], a: Side, b: Side) -> Row:
-    variance = float(scales["variance_of_all"].points[0])
-    scale = max(abs(float(left.points[0])), math.sqrt(variance)) if name == "velocity_of_all" else variance
-    bound = (a.bound + b.bound) * scale
-    return _row(name, time, np.zeros(1), left, right, bound, scale, np.ones(1, dtype=bool))
+def _phase_space(
+    rows: list[Row], notes: list[str], known: dict[float, Both], times: list[float], nx: int, v: Array, length: float
+) -> None:
+    """f at the times of `known`, which has what is needed of the fields."""
+    if not known or v.size < LEAST_VELOCITIES:
+        return
+    a, b = next(iter(known.values())).a, next(iter(known.values())).b
+    fixed = [side for side in (a, b) if side.stochastic and not side.particles]
+    if len(fixed) == 2 and (a.nx != b.nx or not all(side.v is not None and np.isin(v, side.v).all() for side in fixed)):
+        notes.append("not compared: f, which two particle runs have on different grids")
+        return
+    nx = fixed[0].nx if fixed else nx
+    for t in times:
+        left, right = (side.phase_space(t, nx, v, length, a.stochastic or b.stochastic) for side in (a, b))
+        theta = _temperature(right.points if left.freedom else left.points, v)
+        both = known[t] if t in known else Both(a, b, float(theta.max()), float(theta.min()))
+        if both.folded > UNRESOLVED:
+            continue
+        row = over_phase_space(t, length * np.arange(nx) / nx, v, left, right, both)
+        if row is None:
+            notes.append(f"not compared: f at t = {t:g}: no cell of x and v holds {LEAST_COUNT} particles of a replica")
+        else:
+            rows.append(row)
+
+
+def _temperature(f: Array, v: Array) -> Array:
+    """θ at the points in x at which f (flattened) has particles."""
+    f = np.maximum(f.reshape(-1, v.size), 0)
+    f = f[f.sum(axis=1) > 0]
+    f /= f.sum(axis=1, keepdims=True)
+    return np.asarray(f @ v**2 - (f @ v) ** 2)
 
 
 def _differences(a: Side, b: Side) -> list[str]:
@@ -305,125 +317,9 @@ def _shared_times(a: Side, b: Side, field: str, time: float | None, notes: list[
     shared = [float(t) for t in ours if theirs.size and np.abs(theirs - t).min() <= SAME_TIME * span]
     alone = sorted({f"{t:g}" for own, other in ((ours, theirs), (theirs, ours)) for t in own
                     if not other.size or np.abs(other - t).min() > SAME_TIME * span}, key=float)  # fmt: skip
-    if alone:
+    if not shared and (not ours.size or not theirs.size) and field != "density":
+        notes.append(f"not compared: {field}, in one of them alone")
+    elif alone:
         listed = ", ".join(alone[:5]) + (", …" if len(alone) > 5 else "")
         notes.append(f"not compared: {len(alone)} times that one of them alone has (t = {listed})")
     return shared
-
-
-def _over_x(name: str, time: float, x: Array, left: Values, right: Values, a: Side, b: Side) -> Row:
-    scale = float(max(np.abs(left.points).max(), np.abs(right.points).max()))
-    if name == "mean_velocity":
-        scale = max([scale, *(math.sqrt(theta) for side in (a, b) if (theta := side.hottest) is not None)])
-    bound = (a.bound + b.bound) * scale
-    waves, bounds = _amplitudes(x.size), np.full(x.size, WAVE * bound)
-    bounds[0] = bound
-    if name == "density":  # whose mean is the number of particles
-        waves, bounds = waves[1:], bounds[1:]
-    return _row(name, time, x, left, right, bound, scale, np.ones(x.size, dtype=bool), waves, bounds, waves)
-
-
-def _over_v(time: float, v: Array, left: Values, right: Values, a: Side, b: Side) -> Row:
-    scale, dv = float(max(left.points.max(), right.points.max())), float(v[1] - v[0])
-    w, freedom = np.maximum(right.points if left.freedom else left.points, 0), _freedom(left, right)
-    bound = (a.bound + b.bound + (_of_bins(w, v) if freedom else 0.0)) * scale
-    enough = w / w.sum() * _least_particles(a, b) >= LEAST_COUNT
-    number = min(MOST_STATISTICS, max(1, freedom // 2))
-    group = ((np.cumsum(w) - w / 2) / w.sum() * (number + 1)).astype(int)
-    groups = np.array([dv * (group == n) for n in np.unique(group)[:-1]]).reshape(-1, v.size)
-    return _row(W, time, v, left, right, bound, scale, enough, groups, groups.sum(axis=1) * bound)
-
-
-def _phase_space(
-    rows: list[Row], notes: list[str], a: Side, b: Side, nx: int, v: Array, time: float | None, length: float
-) -> None:
-    fixed = [side for side in (a, b) if side.stochastic and not side.particles]
-    if len(fixed) == 2 and (a.nx != b.nx or not all(side.v is not None and np.isin(v, side.v).all() for side in fixed)):
-        notes.append("not compared: f, which two particle runs have on different grids")
-        return
-    nx = fixed[0].nx if fixed else nx
-    for t in _shared_times(a, b, "f", time, notes):
-        left, right = a.phase_space(t, nx, v, length), b.phase_space(t, nx, v, length)
-        scale, freedom = float(max(left.points.max(), right.points.max())), _freedom(left, right)
-        f = np.maximum(right.points if left.freedom else left.points, 0)
-        enough = f / f.sum() * _least_particles(a, b) >= LEAST_COUNT
-        if not enough.any():
-            notes.append(
-                f"not compared: f at t = {t:g}: fewer than {LEAST_COUNT} particles of a replica in every cell of x and v"
-            )
-            continue
-        bins = _of_bins(f.reshape(nx, -1).sum(axis=0), v) if freedom else 0.0
-        place = np.stack([np.repeat(length * np.arange(nx) / nx, v.size), np.tile(v, nx)], axis=1)
-        rows.append(_row("f", t, place, left, right, (a.bound + b.bound + bins) * scale, scale, enough))
-
-
-def _least_particles(a: Side, b: Side) -> float:
-    """In a replica, of either side; inf without particles."""
-    return min((side.particles_of_a_replica for side in (a, b) if side.stochastic), default=math.inf)
-
-
-def _of_bins(w: Array, v: Array) -> float:
-    """Relative error of point values of a Gaussian made from bins: (3/640) dv⁴ times its fourth derivative."""
-    mean = float((w * v).sum() / w.sum())
-    theta = float((w * (v - mean) ** 2).sum() / w.sum())
-    return 9 / 640 * (float(v[1] - v[0]) ** 2 / theta) ** 2
-
-
-def _freedom(left: Values, right: Values) -> int:
-    """Degrees of freedom of the scatter: of the smaller number of replicas, where both have some; 0 without chance."""
-    return min((values.freedom for values in (left, right) if values.freedom), default=0)
-
-
-def _row(
-    name: str,
-    time: float,
-    points: Array,
-    left: Values,
-    right: Values,
-    bound: float,
-    scale: float,
-    enough: Array,
-    statistics: Array | None = None,
-    bounds: Array | None = None,
-    modes: Array | None = None,
-) -> Row:
-    difference, freedom = left.points - right.points, _freedom(left, right)
-    mode_z: Array = np.empty(0)
-    value, count = math.nan, 0
-    if not freedom:
-        p = 1.0 if np.abs(difference).max() <= bound else 0.0
-        none = np.full(difference.size, np.nan)
-        return Row(name, time, points, left.points, right.points, 0 * difference, bound, scale, none, mode_z, value, count, p)
-    error: Array = np.where(enough, np.sqrt(left.variance + right.variance), np.nan)
-    z = _z(difference, bound, error)
-    found = [largest_of(z[enough], freedom)]
-    if modes is not None and bounds is not None:
-        ours, theirs = left.over(modes), right.over(modes)
-        mode_z = _z(ours.points - theirs.points, bounds, np.sqrt(ours.variance + theirs.variance))
-        found.append(largest_of(mode_z, freedom))
-    if statistics is not None and bounds is not None and len(statistics):
-        chosen = min(len(statistics), MOST_STATISTICS, max(1, freedom // 2))
-        ours, theirs = left.over(statistics[:chosen]), right.over(statistics[:chosen])
-        if (ours.variance + theirs.variance > 0).all():
-            covariance = ours.covariance + theirs.covariance
-            value, p = chi_squared(ours.points - theirs.points, covariance, bounds[:chosen], freedom)
-            count = chosen
-            found.append(p)
-    p = min(1.0, len(found) * min(found))
-    return Row(name, time, points, left.points, right.points, error, bound, scale, z, mode_z, value, count, p)
-
-
-def _z(difference: Array, bound: Array | float, error: Array) -> Array:
-    """0 where nothing scatters and nothing differs."""
-    rest = beyond(difference, bound + 1e-12 * np.abs(difference).max())
-    z = np.divide(rest, error, out=np.where(rest == 0, 0.0, np.copysign(np.inf, rest)), where=error > 0)
-    return np.asarray(np.where(np.isnan(error), np.nan, z))
-
-
-def _amplitudes(nx: int) -> Array:
-    """Rows that give the amplitudes of 1, cos, sin, cos 2, sin 2, … of values at nx points (odd)."""
-    angle = 2 * np.pi * np.arange(nx) / nx
-    rows = [np.full(nx, 1 / nx)]
-    for m in range(1, (nx - 1) // 2 + 1):
-        rows += [2 / nx * np.cos(m * angle), 2 / nx * np.sin(m * angle)]
-    return np.array(rows)

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from kinetic_solver.compare.comparison import MEAN, Comparison, Row
+from kinetic_solver.compare.comparison import Comparison
+from kinetic_solver.compare.rows import MEAN, Row
 from kinetic_solver.scene import SceneError
 
 FIRST, SECOND = "#0072B2", "#D55E00"
@@ -33,8 +35,9 @@ def save_comparison(found: Comparison, path: str | Path) -> None:
 
 
 def comparison_figure(found: Comparison) -> Figure:
-    worst = min(found.rows, key=lambda row: (row.p, -row.time))
-    rows = [row for row in found.rows if row.time == worst.time and row.field in NAMES]
+    shown = [row for row in found.rows if row.field in NAMES]
+    worst = min(shown, key=lambda row: (row.p, -row.time))
+    rows = [row for row in shown if row.time == worst.time or math.isnan(worst.time)]
     figure = Figure(figsize=(3.6 * len(rows), 6.2), layout="constrained")
     axes = figure.subplots(2, len(rows), sharex="col", squeeze=False, height_ratios=[1.6, 1])
     names = [side.split(":")[0] for side in found.sides]

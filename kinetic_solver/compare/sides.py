@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
 import math
 from pathlib import Path
 
 import numpy as np
 import xarray as xr
+from pydantic import ValidationError
 from scipy.interpolate import make_interp_spline
 
 from kinetic_solver.arrays import Array
 from kinetic_solver.compare.systematic import systematic_parts
-from kinetic_solver.scene import Scene, SceneError
+from kinetic_solver.scene import Scene, SceneError, one_line
 
 PARTS = 20
 """Into which the particles of a single ensemble are divided, to estimate errors as of independent particles."""
@@ -79,7 +79,7 @@ class Side:
 
         self.name = name
         self.dataset = _opened(source)
-        self.scene = Scene.model_validate_json(self.dataset.attrs["scene"]) if "scene" in self.dataset.attrs else None
+        self.scene = _scene_of(self.dataset, name)
         raw = particle_names(self.dataset) is not None
         if "density" not in self.dataset and not raw:
             raise SceneError(f"{name}: has neither density over (time, x) nor positions and velocities of particles")
@@ -109,17 +109,29 @@ class Side:
         return f"{self.name}: {method}{shape}; systematic part at most {parts or 'not known: taken as 0'}"
 
     @property
+    def parts(self) -> int:
+        """Of a single ensemble. Raises SceneError where it is too small for two."""
+        count = self.ensemble(0)[0].shape[1]
+        if count < 4:
+            raise SceneError(f"{self.name}: {count} particles have no standard errors; allowed: 4 or more, or replicas")
+        return min(PARTS, count // 2)
+
+    @property
+    def number(self) -> float:
+        """Of particles in all replicas; inf of what has none."""
+        if self.particles:
+            return float(self.ensemble(0)[0].size)
+        if not self.stochastic or self.scene is None:
+            return math.inf
+        return float(self.scene.particles.count * self.scene.particles.replicas)
+
+    @property
     def particles_of_a_replica(self) -> float:
         """Or of what stands for one."""
         if self.particles:
             x, _ = self.ensemble(0)
-            return x.shape[1] if x.shape[0] > 1 else x.shape[1] / PARTS
+            return x.shape[1] if x.shape[0] > 1 else x.shape[1] / self.parts
         return self.scene.particles.count if self.scene is not None else math.nan
-
-    @functools.cached_property
-    def hottest(self) -> float | None:
-        """max θ; None of raw particles."""
-        return None if self.particles else float(np.nanmax(self.dataset["temperature"].values))
 
     # -- where and when
 
@@ -133,7 +145,12 @@ class Side:
             dimension = str(self.dataset[names[0]].dims[0])
             if not dimension.startswith("time"):
                 return np.array([float(self.dataset["time"])]) if "time" in self.dataset.coords else np.array([math.nan])
-            return np.asarray(self.dataset[dimension].values, dtype=float)
+            if dimension not in self.dataset.coords:
+                if self.dataset.sizes[dimension] == 1:
+                    return np.array([math.nan])
+                raise SceneError(f"{self.name}: its frames have no times; allowed: a coordinate {dimension!r}")
+            frames = self.dataset[names[0]].values.reshape(self.dataset.sizes[dimension], -1)
+            return np.asarray(self.dataset[dimension].values, dtype=float)[np.isfinite(frames).any(axis=1)]
         if name not in self.dataset:
             return np.empty(0)
         values = self.dataset[name]
@@ -170,6 +187,24 @@ class Side:
             moments = np.stack([r, j, rho * dtheta + 2 * u * j - (u**2 - theta) * r], axis=1)
         return _fields_of(_resampled(moments, nx), self.stochastic)
 
+    def at_points(self, time: float, nx: int) -> dict[str, Values]:
+        """`OVER_X` at nx points, of all waves: where nothing scatters."""
+        rho, u, theta = (self.dataset[name].values[self.frame(name, time)] for name in OVER_X)
+        moments = _at_points(np.stack([rho, rho * u, rho * (theta + u**2)])[None], nx)
+        return _fields_of(moments, False)
+
+    def unresolved(self, time: float) -> float:
+        """Sum of the amplitudes in the highest eighth of the density's waves, over its maximum: what may be folded onto others.
+
+        Of points of the closed form, and of density steps; a grid solver's waves are in its error estimate.
+        """
+        stepped = self.scene is not None and self.scene.initial.step is not None
+        if self.stochastic or not (stepped or self.dataset.attrs.get("method") == "exact"):
+            return 0.0
+        rho = self.dataset["density"].values[self.frame("density", time)]
+        size = np.abs(np.fft.rfft(rho, norm="forward"))
+        return float(2 * size[-(size.size // 8) :].sum() / rho.max()) if size.size >= 8 else 0.0
+
     def totals(self, time: float, nx: int, v: Array, length: float) -> dict[str, Values]:
         """Of all particles together: `TOTALS`, each (1,)."""
         names = ("mass", "momentum", "energy")
@@ -204,17 +239,20 @@ class Side:
             return Values(points)
         return Values(points, _over_v(own, self.dataset[f"{name}_replica"].values[frame], v))
 
-    def phase_space(self, time: float, nx: int, v: Array, length: float) -> Values:
-        """f at nx points and at v, flattened; of a particle run its own nx, and some of its own v."""
+    def phase_space(self, time: float, nx: int, v: Array, length: float, scatter: bool) -> Values:
+        """f at nx points and at v, flattened; of a particle run its own nx, and some of its own v.
+
+        `scatter` says whether the other side is of particles: only waves that nx points hold are kept then.
+        """
         if self.particles:
             found = self._fields(time, nx, v, length)
             replicas = len(self.ensemble(0)[0])
-            errors = found["f_stderr"].ravel(), replicas if replicas > 1 else PARTS
+            errors = found["f_stderr"].ravel(), replicas if replicas > 1 else self.parts
             return Values(found["f"].ravel(), None, self._inflation(), errors)
         frame, own = self.frame("f", time), self.v
         f = self.dataset["f"].values[frame]
         if not self.stochastic:
-            return Values(_over_v(own, _resampled(f.T, nx).T, v).ravel())
+            return Values(_over_v(own, (_resampled if scatter else _at_points)(f.T, nx).T, v).ravel())
         assert own is not None
         assert self.scene is not None
         kept = np.isin(own, v)
@@ -250,12 +288,21 @@ class Side:
             parts = list(zip(x, u, strict=True))
         else:  # at random: particles may be in an order
             shuffled = np.random.default_rng(0).permutation(x.shape[1])
-            parts = [(x[0, chosen], u[0, chosen]) for chosen in np.array_split(shuffled, PARTS)]
+            parts = [(x[0, chosen], u[0, chosen]) for chosen in np.array_split(shuffled, self.parts)]
         samples = []
         for places, velocities in parts:
             sampler = Sampler(length, nx, v, self.law.initial.density * length / places.size)
             samples.append(sampler.sample(np.ascontiguousarray(places), np.ascontiguousarray(velocities)))
         return fields(samples, length, nx, v)
+
+
+def _scene_of(dataset: xr.Dataset, name: str) -> Scene | None:
+    if "scene" not in dataset.attrs:
+        return None
+    try:
+        return Scene.model_validate_json(dataset.attrs["scene"])
+    except ValidationError as error:
+        raise SceneError(f"{name}: its attribute 'scene' is none ({one_line(error)})") from None
 
 
 def _opened(source: str | Path | xr.Dataset) -> xr.Dataset:
@@ -270,9 +317,23 @@ def _opened(source: str | Path | xr.Dataset) -> xr.Dataset:
 
 
 def _resampled(points: Array, nx: int) -> Array:
-    """Values at nx points (odd) of the waves that they can hold, along the last axis."""
+    """Values at nx points of the waves that they can hold, without the Nyquist wave of an even nx, along the last axis."""
     modes = np.fft.rfft(points, axis=-1, norm="forward")
-    return np.asarray(np.fft.irfft(modes[..., : nx // 2 + 1], n=nx, axis=-1, norm="forward"))
+    return np.asarray(np.fft.irfft(modes[..., : (nx - 1) // 2 + 1], n=nx, axis=-1, norm="forward"))
+
+
+def _at_points(points: Array, nx: int) -> Array:
+    """The trigonometric interpolant at nx points, along the last axis."""
+    own = points.shape[-1]
+    if own == nx:
+        return points
+    modes = np.fft.rfft(points, axis=-1, norm="forward")
+    weight = np.full(modes.shape[-1], 2.0)
+    weight[0] = 1.0
+    if own % 2 == 0:
+        weight[-1] = 1.0
+    waves = np.exp(2j * np.pi * np.outer(np.arange(weight.size), np.arange(nx)) / nx)
+    return np.asarray(((weight * modes) @ waves).real)
 
 
 def _fields_of(moments: Array, stochastic: bool) -> dict[str, Values]:

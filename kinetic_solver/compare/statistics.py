@@ -18,13 +18,15 @@ def chi_squared(difference: Array, covariance: Array, bound: Array, freedom: int
     """(χ², p) of differences (q,) of means with an estimated covariance (q, q) of `freedom` ≥ q, and bounds (q,) on their bias.
 
     χ² = min over |s| ≤ bound of (d - s)ᵀ C⁻¹ (d - s). Without a bias χ²(ν - q + 1)/(νq) has the F distribution of q and
-    ν - q + 1, exactly for Gaussian data (Hotelling 1931). Every statistic has to scatter.
+    ν - q + 1, exactly for Gaussian data (Hotelling 1931). Raises LinAlgError where a
+    combination of the statistics does not scatter.
     """
     size = np.sqrt(np.diag(covariance))
     half = linalg.cholesky(covariance / np.outer(size, size), lower=True)
     whitened = linalg.solve_triangular(half, np.diag(1 / size), lower=True)
-    if (bound > 0).all():
-        result = optimize.lsq_linear(whitened, whitened @ difference, bounds=(-bound, bound), tol=1e-12)
+    if (bound > 0).any():
+        granted = np.maximum(bound, 1e-12 * bound.max())  # the solver wants an interior
+        result = optimize.lsq_linear(whitened, whitened @ difference, bounds=(-granted, granted), tol=1e-12)
         value = 2 * float(result.cost)
     else:
         value = float(np.sum((whitened @ difference) ** 2))

@@ -13,6 +13,8 @@ from kinetic_solver.scene import Scene, SceneError
 from kinetic_solver.stability import structure_factor
 
 EXACT = 1e-9
+HIGHEST = 1000
+"""Wave of which S is computed for `contact_excess`."""
 STEP, CELLS = 0.1, 0.025
 """Of particles: relative error for a step as long as the shortest time, and for a cell as wide as the shortest length; both
 errors are of second order. About twice the largest measured for (6) at R* = 0.3 and 1 and for (12) at ε = 0 and 0.5
@@ -34,25 +36,34 @@ def _of_particles(scene: Scene) -> dict[str, float]:
     from particles.plan import make_plan
 
     if scene.operator is None:
-        return {}
+        return {"exact steps": 0.0}
     try:
         plan = make_plan(scene)
     except SceneError:  # its start is no longer there
         return {}
     step, cells = plan.relative_step, plan.relative_width
-    return {"step": STEP * step**2, "cells": CELLS * cells**2, "finite N": contact_excess(scene, plan.cells)}
+    waves = scene.particles.count if plan.single_file else plan.cells
+    return {"step": STEP * step**2, "cells": CELLS * cells**2, "finite N": contact_excess(scene, waves)}
 
 
 def contact_excess(scene: Scene, waves: int) -> float:
     """g(0) - 1 = (2/N) Σ_m (S_m - 1): by how much pairs at contact exceed those of independent particles, N to a replica.
 
-    A sum over the waves that cells hold. The fields' bias is less for R* ≤ 1, 0.28 of it at most (docs/particles.md); beyond
-    R* = 1.3 that is not measured.
+    The sum is over the waves that cells hold, or without cells as many as there are particles; for (6) it grows with their
+    number, as its cube root. S is computed at 24 waves up to `HIGHEST` and taken to be a power of m between them, and S - 1 to
+    fall as m^(-2/3) beyond. The fields' bias is less for R* ≤ 1, 0.28 of it at most (docs/particles.md); beyond R* = 1.3 that is
+    not measured.
     """
     if scene.model.friction * scene.model.noise == 0:
         return 0.0
-    last = max(8, min(waves, 64))
-    s = structure_factor(scene, range(1, last + 1)).values - 1
-    # Beyond the last wave S - 1 falls as 1/k² at the least
-    total = float(s.sum() + s[-1] * last)
-    return 2 * total / scene.particles.count if math.isfinite(total) else math.inf
+    last = max(8, waves)
+    some = np.unique(np.round(np.geomspace(1, min(last, HIGHEST), 24)).astype(int))
+    excess = np.maximum(structure_factor(scene, some.tolist()).values - 1, 1e-300)
+    known = np.isfinite(excess)
+    if not known[0]:
+        return math.inf
+    some, excess = some[known], excess[known]
+    m = np.arange(1, some[-1] + 1)
+    total = float(np.exp(np.interp(np.log(m), np.log(some), np.log(excess))).sum())
+    total += 3 * excess[-1] * some[-1] ** (2 / 3) * max(0.0, last ** (1 / 3) - some[-1] ** (1 / 3))
+    return 2 * total / scene.particles.count
