@@ -187,10 +187,9 @@ def _fields(
         hottest, coldest = (float(theta.max()), float(theta.min())) if theta.size else (0.0, math.inf)
         both = known[t] = Both(a, b, hottest, coldest, a.unresolved(t) + b.unresolved(t))
         if both.folded > UNRESOLVED:
-            notes.append(
-                f"not compared: fields over x at t = {t:g}, whose waves (of a density step?) the grids do not hold; raise nx"
-            )
-        for name in OVER_X if both.folded <= UNRESOLVED else ():
+            notes.append(f"not compared: t = {t:g}: the grids do not hold the waves of the density (of a step?); raise nx")
+            continue
+        for name in OVER_X:
             pair = ours[name], theirs[name]
             if all(np.isfinite(values.points).all() for values in pair):
                 seen[name] += [pair] * (t > times[0])
