@@ -243,6 +243,7 @@ def _phase_space(
         notes.append("not compared: f, which two particle runs have on different grids")
         return
     nx = fixed[0].nx if fixed else nx
+    empty: list[float] = []
     for t in times:
         left, right = (side.phase_space(t, nx, v, length, a.stochastic or b.stochastic) for side in (a, b))
         theta = _temperature(right.points if left.freedom else left.points, v)
@@ -251,9 +252,11 @@ def _phase_space(
             continue
         row = over_phase_space(t, length * np.arange(nx) / nx, v, left, right, both)
         if row is None:
-            notes.append(f"not compared: f at t = {t:g}: no cell of x and v holds {LEAST_COUNT} particles of a replica")
+            empty.append(t)
         else:
             rows.append(row)
+    if empty:
+        notes.append(f"not compared: f at t = {_listed(empty)}: no cell of x and v holds {LEAST_COUNT} particles of a replica")
 
 
 def _temperature(f: Array, v: Array) -> Array:
@@ -314,11 +317,14 @@ def _shared_times(a: Side, b: Side, field: str, time: float | None, notes: list[
         return [math.nan]
     span = max([SAME_TIME, *(abs(float(t)) for t in (*ours, *theirs) if math.isfinite(t))])
     shared = [float(t) for t in ours if theirs.size and np.abs(theirs - t).min() <= SAME_TIME * span]
-    alone = sorted({f"{t:g}" for own, other in ((ours, theirs), (theirs, ours)) for t in own
-                    if not other.size or np.abs(other - t).min() > SAME_TIME * span}, key=float)  # fmt: skip
+    alone = sorted({float(t) for own, other in ((ours, theirs), (theirs, ours)) for t in own
+                    if not other.size or np.abs(other - t).min() > SAME_TIME * span})  # fmt: skip
     if not shared and (not ours.size or not theirs.size) and field != "density":
         notes.append(f"not compared: {field}, in one of them alone")
     elif alone:
-        listed = ", ".join(alone[:5]) + (", …" if len(alone) > 5 else "")
-        notes.append(f"not compared: {len(alone)} times that one of them alone has (t = {listed})")
+        notes.append(f"not compared: {len(alone)} times that one of them alone has (t = {_listed(alone)})")
     return shared
+
+
+def _listed(times: list[float]) -> str:
+    return ", ".join(f"{t:g}" for t in times[:5]) + (", …" if len(times) > 5 else "")
