@@ -251,7 +251,7 @@ def test_f_is_compared_where_there_are_particles(make_scene: MakeScene) -> None:
             assert 0 < np.isfinite(row.z).sum() < row.z.size
     few = compare(ensemble(make_scene(particles=FEW, grid=GRID)), right)
     assert "f" not in fields(few)
-    assert f"not compared: f at t = 0: no cell of x and v holds {LEAST_COUNT} particles of a replica" in "\n".join(few.notes)
+    assert f"not compared: f at t = 0, 1.5: no cell of x and v holds {LEAST_COUNT} particles of a replica" in "\n".join(few.notes)
 
 
 def test_errors_of_f_alone_are_found(make_scene: MakeScene) -> None:
