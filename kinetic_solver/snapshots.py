@@ -171,6 +171,19 @@ def summary(dataset: xr.Dataset) -> list[str]:
     ):
         parts = ", ".join(f"{share:.2f} at {mean:.3g}" for mean, share in zip(means, shares, strict=True))
         lines.append(f"t = {time:g}: two populations of variance {state.temperature:.3g}, shares {parts}")
+    dv = float(dataset["v_bin"][1] - dataset["v_bin"][0])
+    for time in dataset["time"].values:
+        frame = dataset.sel(time=time)
+        distances = {
+            name: dv * float(np.abs(frame["histogram"] - frame[variable]).sum())
+            for name, variable in (
+                ("Gaussian", "gaussian"),
+                ("two fitted", "two_fitted"),
+                ("two densities", "two_populations"),
+                ("equation (2)", "equation"),
+            )
+        }
+        lines.append(f"t = {time:g}: ∫|w - …|dv: " + ", ".join(f"{name} {value:.3f}" for name, value in distances.items()))
     lines.append(f"(2) stays homogeneous: mean v {state.mean_velocity:.4g}, variance {state.temperature:.4g}")
     lines.append(
         f"linear theory of noise: contrast {expected_contrast(scene):.3g} (independent particles "
