@@ -1,4 +1,9 @@
-"""All benchmarks, one after another. Each checks its answers, and the first that fails ends the series."""
+"""Benchmarks one after another. Each checks its answers, and the first that fails ends the series.
+
+    python -m benchmarks [all]
+
+`all` adds the statistical ones: ten minutes each, clusters forty.
+"""
 
 from __future__ import annotations
 
@@ -17,14 +22,13 @@ NAMES = (
     "hard_cases",
     "linear_theory",
     "particles_speed",
-    "particles_validation",
-    "comparison",
     "time_to_accuracy",
-    "clusters",
 )
 
+LONG = ("particles_validation", "comparison", "clusters")
+
 if __name__ == "__main__":
-    for name in NAMES:
+    for name in (*NAMES, *(LONG if sys.argv[1:] == ["all"] else ())):
         print(f"\n== {name}", flush=True)
         if code := subprocess.run([sys.executable, "-m", f"benchmarks.{name}"]).returncode:
             sys.exit(code)
