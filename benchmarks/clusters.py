@@ -24,7 +24,7 @@ from matplotlib.figure import Figure
 from kinetic_solver import Scene, exact, solve, stability
 from kinetic_solver.homogeneous import homogeneous_state
 from kinetic_solver.scene import FOLLOW_LEADER, INELASTIC, Mode
-from kinetic_solver.snapshots import BINS, LENGTH, RESTITUTION, _gaussian, _two_populations, expected_contrast, figure_scene
+from kinetic_solver.snapshots import BINS, LENGTH, RESTITUTION, expected_contrast, figure_scene, gaussian, two_populations
 from particles.plan import make_plan
 from particles.simulation import Simulation
 from particles.single_file import sticking
@@ -90,12 +90,12 @@ def sample(scene: Scene, x: np.ndarray, v: np.ndarray, u_h: float, theta_h: floa
     if scene.operator == FOLLOW_LEADER:
         points = u_h + V
         w = np.histogram(v, V.size, (points[0] - DV / 2, points[-1] + DV / 2))[0] / (v.size * DV)
-        gaussian = _gaussian(points, mean, variance)
+        own = gaussian(points, mean, variance)
         # The homogeneous state of each bin's own density
-        local = sum(d / BINS * _gaussian(points, u_h - scene.cross_section * (d - 1) * theta_h, theta_h) for d in density)
-        shapes = (gaussian, _two_populations(scene, density, points), local, _gaussian(points, u_h, theta_h))
+        local = sum(d / BINS * gaussian(points, u_h - scene.cross_section * (d - 1) * theta_h, theta_h) for d in density)
+        shapes = (own, two_populations(scene, density, points), local, gaussian(points, u_h, theta_h))
         found += [float(np.abs(w - shape).sum() * DV) for shape in shapes]
-        p = gaussian * DV
+        p = own * DV
         found.append(math.sqrt(2 / (math.pi * v.size)) * float(np.sqrt(p * np.maximum(1 - p, 0)).sum()))
     else:
         found += [math.nan] * 5
@@ -347,9 +347,14 @@ def equation() -> None:
 
 SECTIONS = {"direct": direct, "files": files, "inelastic": inelastic, "equation": equation}
 
-if __name__ == "__main__":
+
+def main() -> None:
     for section in sys.argv[1:] or SECTIONS:
         began = time.perf_counter()
         print(f"\n## {section}", flush=True)
         SECTIONS[section]()
         print(f"\n{section}: {time.perf_counter() - began:.0f} s", flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -81,12 +81,12 @@ def snapshots(scene: Scene) -> xr.Dataset:
         columns["histogram"].append(np.histogram(u, v.size, (v[0] - dv / 2, v[-1] + dv / 2))[0] / (u.size * dv))
         w = equation["velocity_distribution"].sel(time=time, method="nearest") / equation["mass"][0]
         columns["equation"].append(w.interp(v=v, method="cubic", kwargs={"fill_value": 0.0}).values)
-        columns["gaussian"].append(_gaussian(v, float(u.mean()), float(u.var())))
-        columns["two"].append(_two_populations(scene, density, v))
+        columns["gaussian"].append(gaussian(v, float(u.mean()), float(u.var())))
+        columns["two"].append(two_populations(scene, density, v))
         means, shares = fit_two(u, state.temperature)
         columns["mean"].append(means)
         columns["share"].append(shares)
-        columns["fitted"].append(sum(s * _gaussian(v, float(m), state.temperature) for m, s in zip(means, shares, strict=True)))
+        columns["fitted"].append(sum(s * gaussian(v, float(m), state.temperature) for m, s in zip(means, shares, strict=True)))
     over_v = {"histogram": "particles", "equation": "of (2)", "gaussian": "Gaussian of the particles' mean and variance"}
     data = {
         "position": (("time", "replica", "particle"), np.array(places)[:, None]),
@@ -107,7 +107,8 @@ def snapshots(scene: Scene) -> xr.Dataset:
     return xr.Dataset(data, coordinates, attributes(scene, "particles"))
 
 
-def _gaussian(v: Array, mean: float, variance: float) -> Array:
+def gaussian(v: Array, mean: float, variance: float) -> Array:
+    """N(v; mean, variance)."""
     return np.asarray(np.exp(-((v - mean) ** 2) / (2 * variance)) / math.sqrt(2 * math.pi * variance))
 
 
@@ -127,7 +128,8 @@ def fit_two(velocities: Array, variance: float) -> tuple[Array, Array]:
     return means[order], shares[order]
 
 
-def _two_populations(scene: Scene, density: Array, v: Array) -> Array:
+def two_populations(scene: Scene, density: Array, v: Array) -> Array:
+    """w(v) of homogeneous states of the densities, over their mean, that particles see in the bins above and below it."""
     w = np.zeros(v.size)
     for part in (density > 1, density <= 1):
         share = density[part].sum() / density.sum()
@@ -136,7 +138,7 @@ def _two_populations(scene: Scene, density: Array, v: Array) -> Array:
         seen = float((density[part] ** 2).sum() / density[part].sum()) * scene.initial.density
         state = homogeneous_state(scene.model_copy(update={"initial": scene.initial.model_copy(update={"density": seen})}))
         assert state is not None
-        w += share * _gaussian(v, state.mean_velocity, state.temperature)
+        w += share * gaussian(v, state.mean_velocity, state.temperature)
     return w
 
 

@@ -139,12 +139,12 @@ def test_the_inelastic_equation_has_the_moments_of_its_state() -> None:
 
 
 @BOTH
-def test_two_populations(operator: str) -> None:
+def testtwo_populations(operator: str) -> None:
     """Equal densities everywhere are one homogeneous state; two densities are two, each with its share of the particles."""
     scene = figure_scene(3, operator)
     v = np.linspace(-12, 6, 3001)
     dv = v[1] - v[0]
-    one = snapshots._two_populations(scene, np.ones(BINS), v)
+    one = snapshots.two_populations(scene, np.ones(BINS), v)
     state = homogeneous_state(scene)
     assert state is not None
     assert one.sum() * dv == pytest.approx(1, abs=1e-6)
@@ -156,7 +156,7 @@ def test_two_populations(operator: str) -> None:
     )
     assert thick is not None
     assert thin is not None
-    two = snapshots._two_populations(scene, density, v)
+    two = snapshots.two_populations(scene, density, v)
     assert two.sum() * dv == pytest.approx(1, abs=1e-6)
     assert (v * two).sum() * dv == pytest.approx(0.4 * thick.mean_velocity + 0.6 * thin.mean_velocity, abs=1e-5)
     second = 0.4 * (thick.temperature + thick.mean_velocity**2) + 0.6 * (thin.temperature + thin.mean_velocity**2)
