@@ -435,6 +435,10 @@ def compare(
             raise SceneError(f"--level {level:g}: allowed: between 0 and 1")
         if output is not None and output.suffix == ".png":
             raise SceneError(f"-o {output}: is for the dataset; allowed: a name that does not end in .png (--figure makes that)")
+        if output is not None and output.resolve() in (first.resolve(), second.resolve()):
+            raise SceneError(f"-o {output}: is one of the files to compare; name another")
+        if output is not None and output.exists() and not overwrite:
+            raise SceneError(f"{output}: exists already; use --overwrite to replace it, or name another file with -o")
         found = lay_over(first, second, level, time)
         print("\n".join(found.lines()))
         if output is not None:

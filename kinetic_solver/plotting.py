@@ -26,7 +26,8 @@ def overview(dataset: xr.Dataset, times: Sequence[float] | None = None) -> Figur
     """
     for name in ("density", "velocity_distribution"):
         if name not in dataset:
-            raise SceneError(f"the file has no {name!r}; set output.moments = true")
+            method = dataset.attrs.get("method", "unknown")
+            raise SceneError(f"the file has no {name!r} (method: {method}); allowed: a run with output.moments = true")
     extended = dataset.sizes["x"] > 1
     with_f = "f" in dataset and extended
     shown = _frames(dataset, "velocity_distribution", times)

@@ -27,6 +27,7 @@ LENGTH = 8 * math.pi
 COUNT = 10_000
 RESTITUTION = 0.5
 BINS = 50
+LEAST_COUNT = 2 * BINS
 FIT_STEPS = 500
 PARTICLES, EQUATION, GAUSSIAN, TWO = "0.45", "#0072B2", "#000000", "#D55E00"
 
@@ -35,6 +36,8 @@ def figure_scene(figure: int, operator: str = "follow-the-leader", count: int = 
     """A homogeneous pipe of L* = 8π with g, γ, σ, ρ̄ = 1; figure 2 has R* = 0.5, figure 3 R* = 4. Operator (12) has ε = 0.5."""
     if figure not in COLLISION_NUMBERS:
         raise SceneError(f"figure {figure}: allowed: 2 or 3")
+    if 0 < count < LEAST_COUNT:
+        raise SceneError(f"--count {count}: allowed: {LEAST_COUNT} or more, two to a bin")
     collisions = {"operator": operator, "cross_section": COLLISION_NUMBERS[figure]}
     if operator == INELASTIC:
         collisions["restitution"] = RESTITUTION

@@ -1,8 +1,8 @@
 """Positions and velocities of particles from netCDF: starts of runs, and ensembles that others made.
 
 A file has positions `position` or `x` and velocities `velocity` or `v`, over (particle), (replica, particle), or either of them
-after a time. A dimension called time… is the time, one called replica the replicas; other names do not matter. Files written with
-`output.particles` are such files.
+with a time. A dimension called time… is the time, one called replica… the replicas; the particles' may have any name. Files
+written with `output.particles` are such files.
 Tests: tests/particles/test_files.py.
 """
 
@@ -39,14 +39,15 @@ def frame_of_particles(dataset: xr.Dataset, frame: int = -1) -> tuple[Array, Arr
     arrays = []
     for name in names:
         values = dataset[name]
-        if str(values.dims[0]).startswith("time"):
-            values = values[frame]
-        if values.ndim == 2 and "replica" in values.dims:
-            values = values.transpose("replica", ...)
-        if values.ndim not in (1, 2) or not values.size:
+        if (time := time_dimension(values)) is not None:
+            values = values.isel({time: frame})
+        replicas = _dimension(values, "replica")
+        if values.ndim == 2 and replicas is not None:
+            values = values.transpose(replicas, ...)
+        if values.ndim not in (1, 2) or not values.size or (values.ndim == 2 and replicas is None):
             raise SceneError(
                 f"{name}: has dimensions {', '.join(f'{d} = {n}' for d, n in dataset[name].sizes.items())}; "
-                "allowed: (time,) (replica,) particle, with at least one particle"
+                "allowed: (time,) (replica,) particle, with these two names, and at least one particle"
             )
         if values.dtype.kind not in "fiu":
             raise SceneError(f"{name}: is of type {values.dtype}; allowed: numbers")
@@ -54,14 +55,24 @@ def frame_of_particles(dataset: xr.Dataset, frame: int = -1) -> tuple[Array, Arr
     return arrays[0], arrays[1]
 
 
+def time_dimension(values: xr.DataArray) -> str | None:
+    """The one that is called time…"""
+    return _dimension(values, "time")
+
+
+def _dimension(values: xr.DataArray, name: str) -> str | None:
+    return next((str(dim) for dim in values.dims if str(dim).startswith(name)), None)
+
+
 def last_frame(dataset: xr.Dataset) -> int:
     """The last frame that is there: a stopped run leaves NaN in the frames to come."""
     names = particle_names(dataset)
     assert names is not None
     places = dataset[names[0]]
-    if not str(places.dims[0]).startswith("time"):
+    time = time_dimension(places)
+    if time is None:
         return -1
-    frames = [n for n in range(places.shape[0]) if np.isfinite(np.asarray(places[n], dtype=float)).any()]
+    frames = [n for n in range(places.sizes[time]) if np.isfinite(np.asarray(places.isel({time: n}), dtype=float)).any()]
     return frames[-1] if frames else -1
 
 

@@ -16,7 +16,7 @@ from kinetic_solver.scene import Scene, SceneError
 from particles import ensemble, single_file
 from particles.estimators import memory_of_samples
 from particles.files import count_of, start_from_file
-from particles.records import written_bytes
+from particles.records import frame_times, written_bytes
 
 LEAST_IN_CELL = 20
 MOST_STEPS = 2**32
@@ -37,14 +37,24 @@ class ParticlePlan:
     """inf without collisions: one step from frame to frame."""
     mean_free_path: float
     """1/(Sρ) where the start is densest."""
-    relative_step: float
-    """The step times the largest of γ, the rate of collisions and that of flight over 1/k."""
+    fastest: float
+    """The largest of γ, the rate of collisions and that of flight over 1/k."""
     relative_width: float
     """A cell's width over the shortest of the mean free path, the thermal free path √θ/γ and 1/k; 0 without cells."""
 
     @property
+    def longest_step(self) -> float:
+        """That is taken: frames are closer where steps are long."""
+        return min(self.time_step, float(np.diff(frame_times(self.scene)).max()))
+
+    @property
     def cell_width(self) -> float:
         return self.scene.pipe.length / self.cells
+
+    @property
+    def relative_step(self) -> float:
+        """The longest step times the fastest rate."""
+        return self.longest_step * self.fastest
 
     @property
     def single_file(self) -> bool:
@@ -104,7 +114,7 @@ def make_plan(scene: Scene) -> ParticlePlan:
     step = (given.time_step or 0.1 / scales.fastest) if scene.operator else math.inf
     grid = PhaseSpaceGrid(scene.grid.nx or 65, scene.grid.nv or 64, length, *(scene.grid.velocity_window or _window(scene)))
     width = 0.0 if in_file else length / cells / scales.shortest
-    plan = ParticlePlan(scene, grid, cells, step, scales.path, step * scales.fastest, width)
+    plan = ParticlePlan(scene, grid, cells, step, scales.path, scales.fastest, width)
     _check(plan)
     return plan
 
@@ -122,8 +132,7 @@ def _check(plan: ParticlePlan) -> None:
             f"particles.time_step: run.end_time = {scene.run.end_time:g} in steps of {plan.time_step:g} "
             f"({'given' if given.time_step else 'a tenth of the shortest time in the scene'}); allowed: fewer than 2³² steps"
         )
-    longest = min(plan.time_step, scene.run.end_time)
-    fastest = max(abs(plan.grid.low), abs(plan.grid.high))
+    longest, fastest = plan.longest_step, max(abs(plan.grid.low), abs(plan.grid.high))
     if not fastest * longest <= MOST_PERIODS * scene.pipe.length:
         raise SceneError(
             f"pipe.length = {scene.pipe.length:g}: particles as fast as {fastest:.3g} fly through it "

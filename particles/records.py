@@ -62,7 +62,7 @@ def report(plan: ParticlePlan) -> dict[str, str]:
             said["warning"] = "cells are wider than the mean free path: raise particles.cells, and particles.count with them"
         return said
     said["overtakings"] = f"collisions with the probability S_C·w = {plan.probability:.4g}"
-    stuck = sticking(plan.probability, plan.scene.model.friction * plan.time_step)
+    stuck = sticking(plan.probability, plan.scene.model.friction * plan.longest_step)
     model = plan.scene.model
     if model.friction * model.noise > 0 and (plan.scene.operator != INELASTIC or plan.scene.restitution == 0):
         said["overtakings"] += f"; {stuck:.2g} of the pairs that collide do so again before they part"

@@ -44,7 +44,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write_dataset(exact.solve(Scene.model_validate({**SCENE, "model": {**SCENE["model"], "noise": 1.0}})), path / WRONG)
     rng = np.random.default_rng(1)
     x = rng.uniform(0, 9, (8, 1000))
-    xr.Dataset({"x": (("r", "n"), x), "v": (("r", "n"), rng.normal(1.3 / 0.7, math.sqrt(0.5), x.shape))}).to_netcdf(path / RAW)
+    v = rng.normal(1.3 / 0.7, math.sqrt(0.5), x.shape)
+    xr.Dataset({"x": (("replica", "n"), x), "v": (("replica", "n"), v)}).to_netcdf(path / RAW)
     (path / "text.nc").write_text("nonsense")
     return path
 
@@ -139,3 +140,11 @@ def test_one_file_is_not_enough(folder: Path) -> None:
     assert (done.returncode, done.stdout) == (2, "")
     assert "Missing argument 'B.nc'" in done.stderr
     assert done.stderr.count("\n") == 1
+
+
+def test_an_input_is_not_replaced(folder: Path) -> None:
+    before = (folder / RIGHT).read_bytes()
+    done = cli("compare", RIGHT, "particles.nc", "-o", RIGHT, "--overwrite", folder=folder)
+    assert done.returncode == 2
+    assert "is one of the files to compare; name another" in done.stderr
+    assert (folder / RIGHT).read_bytes() == before

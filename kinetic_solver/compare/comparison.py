@@ -25,8 +25,11 @@ from kinetic_solver.compare.sides import OVER_X, SAME_TIME, TOTALS, Side, Values
 from kinetic_solver.scene import Scene, SceneError
 
 LEVEL = 0.01
-UNRESOLVED = 0.01
-"""Sum of the shortest waves' amplitudes over the density's maximum, beyond which fields over x are not compared."""
+UNRESOLVED = 1e-3
+"""Sum of the shortest waves' amplitudes over the maximum, beyond which a frame is not compared: u and θ, ratios of what has such
+waves, are off by several times as much."""
+HOPELESS = 0.5
+"""Bound on the systematic part over a field's scale, beyond which it is not compared."""
 COARSE = 0.1
 """Bound on the systematic part over a field's scale, beyond which it is pointed out."""
 LEAST_VELOCITIES = 8
@@ -114,7 +117,11 @@ class Comparison:
                 "difference": (along, "first minus second", [r.difference.reshape(shape) for r in rows]),
                 "stderr": (along, "standard error of the difference", [r.error.reshape(shape) for r in rows]),
                 "z": (along, "beyond the systematic bound, in standard errors", [r.z.reshape(shape) for r in rows]),
-                "mode_z": ((f"amplitude_of_{field}",), "of (1,) cos, sin, cos 2, …, likewise", [r.mode_z for r in rows]),
+                "mode_z": (
+                    (f"amplitude_of_{field}",),
+                    f"of {'' if field == 'density' else 'the mean, '}cos 1, sin 1, cos 2, sin 2, …, likewise",
+                    [r.mode_z for r in rows],
+                ),
                 "chi_squared": ((), "Hotelling's T², what the bound grants taken off", [np.array(r.chi_squared) for r in rows]),
                 "statistics": ((), "statistics in χ²", [np.array(float(r.statistics)) for r in rows]),
                 "systematic": ((), "bound on the systematic part", [np.array(r.bound) for r in rows]),
@@ -149,6 +156,8 @@ def compare(
     scene = a.scene or b.scene
     if scene is None:
         raise SceneError(f"{a.name}, {b.name}: neither has a scene, so the period is not known; allowed: one run of this solver")
+    if time is not None and not any(np.isnan(side.times("density")).any() for side in (a, b)):
+        raise SceneError(f"--time {time:g}: both have times of their own; allowed: for particles that have none")
     notes = [*_differences(a, b), *_unusable(a), *_unusable(b)]
     for side in (a, b):
         side.law = side.scene or scene
@@ -166,7 +175,14 @@ def compare(
             notes.append("not compared: mean and variance of all velocities, in one of them alone (output.scalars)")
         _phase_space(rows, notes, known, _shared_times(a, b, "f", time, notes), nx, v, length)
     if not rows:
-        raise SceneError("nothing to compare: " + "; ".join(notes))
+        raise SceneError("nothing to compare: " + "; ".join(dict.fromkeys(notes)))
+    hopeless = [row for row in rows if row.bound > HOPELESS * row.scale]
+    if hopeless:
+        fields, largest = dict.fromkeys(row.field for row in hopeless), max(r.bound / r.scale for r in hopeless if r.scale)
+        notes.append(f"not compared: {', '.join(fields)}: the systematic part may be {largest:.2g} of them")
+        rows = [row for row in rows if row.bound <= HOPELESS * row.scale]
+    if not rows:
+        raise SceneError("nothing to compare: " + "; ".join(dict.fromkeys(notes)))
     if (worst := max(row.bound / row.scale if row.scale else 0.0 for row in rows)) > COARSE:
         notes.append(f"the systematic part may be {worst:.2g} of the fields: nothing smaller is seen")
     return Comparison((a.describe(), b.describe()), rows, list(dict.fromkeys(notes)), level, scene)
@@ -195,12 +211,15 @@ def _fields(
                 seen[name] += [pair] * (t > times[0])
                 rows.append(over_x(name, t, x, *pair, both))
             else:
-                why = "the density is not positive everywhere; more particles, or fewer points in x"
+                why = "values are not finite, as where the density of few particles is not positive"
                 notes.append(f"not compared: {name} at t = {t:g}: {why}")
         if v.size >= LEAST_VELOCITIES:
             pair = a.distribution(t, v, nx, length), b.distribution(t, v, nx, length)
-            seen[W] += [pair] * (t > times[0])
-            rows.append(over_v(t, v, *pair, both))
+            if all(np.isfinite(values.points).all() for values in pair):
+                seen[W] += [pair] * (t > times[0])
+                rows.append(over_v(t, v, *pair, both))
+            else:
+                notes.append(f"not compared: w(v) at t = {t:g}: values are not finite")
     if v.size < LEAST_VELOCITIES:
         notes.append(f"not compared: w(v) and f: the velocity windows share {v.size} points; allowed: {LEAST_VELOCITIES} or more")
     resolved = [both for both in known.values() if both.folded <= UNRESOLVED]
@@ -248,7 +267,9 @@ def _phase_space(
         left, right = (side.phase_space(t, nx, v, length, a.stochastic or b.stochastic) for side in (a, b))
         theta = _temperature(right.points if left.freedom else left.points, v)
         both = known[t] if t in known else Both(a, b, float(theta.max()), float(theta.min()))
-        if both.folded > UNRESOLVED:
+        both = dataclasses.replace(both, folded=max(both.folded, a.unresolved_f(t) + b.unresolved_f(t)))
+        if both.folded > UNRESOLVED or not np.isfinite(left.points + right.points).all():
+            notes.append(f"not compared: f at t = {t:g}: values that are not finite, or waves that the grids do not hold")
             continue
         row = over_phase_space(t, length * np.arange(nx) / nx, v, left, right, both)
         if row is None:
@@ -322,7 +343,7 @@ def _shared_times(a: Side, b: Side, field: str, time: float | None, notes: list[
     if not shared and (not ours.size or not theirs.size) and field != "density":
         notes.append(f"not compared: {field}, in one of them alone")
     elif alone:
-        notes.append(f"not compared: {len(alone)} times that one of them alone has (t = {_listed(alone)})")
+        notes.append(f"not compared: {len(alone)} time{'s' * (len(alone) > 1)} that one of them alone has (t = {_listed(alone)})")
     return shared
 
 

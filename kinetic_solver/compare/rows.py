@@ -57,7 +57,8 @@ class Row:
     @property
     def worst(self) -> int:
         """Where z is largest, or without chance the difference."""
-        return int(np.argmax(np.abs(self.difference) if np.isnan(self.z).all() else np.nan_to_num(np.abs(self.z))))
+        z = np.nan_to_num(np.abs(self.z))
+        return int(np.argmax(z if z.any() else np.abs(self.difference)))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -73,6 +74,11 @@ class Both:
     """What waves that a grid does not hold may do to the fields over x, relative to their scale."""
 
     @property
+    def length(self) -> float:
+        """The period."""
+        return next(side.law.pipe.length for side in (self.a, self.b) if side.law)
+
+    @property
     def scatter(self) -> bool:
         return self.a.stochastic or self.b.stochastic
 
@@ -84,6 +90,14 @@ class Both:
     def particles(self) -> float:
         """In a replica of either side, whichever has fewer; inf without particles."""
         return min((side.particles_of_a_replica for side in (self.a, self.b) if side.stochastic), default=math.inf)
+
+    def of_counts(self, points: Array, cell: float) -> Array:
+        """Least variance of point values made from counts in cells of dx dv: that of Poisson's distribution.
+
+        Replicas may count the same by chance; their scatter then says that there is none.
+        """
+        mass = sum(side.law.initial.density * side.law.pipe.length / side.number for side in (self.a, self.b) if side.law)
+        return np.asarray(np.maximum(points, 0) * mass / cell)
 
     def of_bins(self, v: Array) -> float:
         """Relative error of point values of a Gaussian made from bins: (3/640) dv⁴ times its fourth derivative."""
@@ -108,7 +122,7 @@ def over_x(name: str, time: float, x: Array, left: Values, right: Values, both: 
 
 def over_v(time: float, v: Array, left: Values, right: Values, both: Both) -> Row:
     scale, dv = float(max(left.points.max(), right.points.max())), float(v[1] - v[0])
-    bound = (both.bound + both.of_bins(v)) * scale
+    bound = (both.bound + both.folded + both.of_bins(v)) * scale
     if not (freedom := _freedom(left, right)):
         return _row(W, time, v, left, right, bound, scale, np.ones(v.size, dtype=bool))
     w = np.maximum(right.points if left.freedom else left.points, 0)
@@ -116,13 +130,14 @@ def over_v(time: float, v: Array, left: Values, right: Values, both: Both) -> Ro
     number = min(MOST_STATISTICS, max(1, freedom // 2))
     group = ((np.cumsum(w) - w / 2) / w.sum() * (number + 1)).astype(int)
     groups = np.array([dv * (group == n) for n in np.unique(group)[:-1]]).reshape(-1, v.size)
-    return _row(W, time, v, left, right, bound, scale, enough, groups, groups.sum(axis=1) * bound)
+    least = both.of_counts(w, dv) if time != MEAN else np.zeros(v.size)
+    return _row(W, time, v, left, right, bound, scale, enough, groups, groups.sum(axis=1) * bound, least=least)
 
 
 def of_all(name: str, time: float, left: Values, right: Values, variance: float, both: Both) -> Row:
     """Mean or variance of all velocities."""
     scale = max(abs(float(left.points[0])), math.sqrt(variance)) if name == "velocity_of_all" else variance
-    bound = (both.bound + (both.of_number(1) if name == "variance_of_all" else 0.0)) * scale
+    bound = (both.bound + both.folded + (both.of_number(1) if name == "variance_of_all" else 0.0)) * scale
     return _row(name, time, np.zeros(1), left, right, bound, scale, np.ones(1, dtype=bool))
 
 
@@ -136,7 +151,8 @@ def over_phase_space(time: float, x: Array, v: Array, left: Values, right: Value
             return None
     place = np.stack([np.repeat(x, v.size), np.tile(v, x.size)], axis=1)
     bound = (both.bound + both.folded + both.of_bins(v)) * scale
-    return _row("f", time, place, left, right, bound, scale, enough)
+    least = both.of_counts(f, float(v[1] - v[0]) * both.length / x.size)
+    return _row("f", time, place, left, right, bound, scale, enough, least=least)
 
 
 def _freedom(left: Values, right: Values) -> int:
@@ -156,6 +172,7 @@ def _row(
     statistics: Array | None = None,
     bounds: Array | None = None,
     modes: Array | None = None,
+    least: Array | None = None,
 ) -> Row:
     difference, freedom = left.points - right.points, _freedom(left, right)
     mode_z: Array = np.empty(0)
@@ -164,7 +181,8 @@ def _row(
         p = 1.0 if np.abs(difference).max() <= bound else 0.0
         none = np.full(difference.size, np.nan)
         return Row(name, time, points, left.points, right.points, 0 * difference, bound, scale, none, mode_z, value, count, p)
-    error: Array = np.where(enough, np.sqrt(left.variance + right.variance), np.nan)
+    variance = left.variance + right.variance
+    error: Array = np.where(enough, np.sqrt(variance if least is None else np.maximum(variance, least)), np.nan)
     z = _z(difference, bound, error)
     found = [largest_of(z[enough], freedom)]
     if modes is not None and bounds is not None and len(modes):

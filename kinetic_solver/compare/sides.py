@@ -138,19 +138,22 @@ class Side:
     def times(self, name: str) -> Array:
         """Of the frames of a field that are there."""
         if self.particles:
-            from particles.files import particle_names
+            from particles.files import particle_names, time_dimension
 
             names = particle_names(self.dataset)
             assert names is not None
-            dimension = str(self.dataset[names[0]].dims[0])
-            if not dimension.startswith("time"):
+            dimension = time_dimension(self.dataset[names[0]])
+            if dimension is None:
                 return np.array([float(self.dataset["time"])]) if "time" in self.dataset.coords else np.array([math.nan])
             if dimension not in self.dataset.coords:
                 if self.dataset.sizes[dimension] == 1:
                     return np.array([math.nan])
                 raise SceneError(f"{self.name}: its frames have no times; allowed: a coordinate {dimension!r}")
-            frames = self.dataset[names[0]].values.reshape(self.dataset.sizes[dimension], -1)
-            return np.asarray(self.dataset[dimension].values, dtype=float)[np.isfinite(frames).any(axis=1)]
+            times = self.dataset[dimension].values
+            if times.dtype.kind not in "fiu":
+                raise SceneError(f"{self.name}: its times are of type {times.dtype}; allowed: numbers")
+            frames = self.dataset[names[0]].transpose(dimension, ...).values.reshape(times.size, -1)
+            return np.asarray(times, dtype=float)[np.isfinite(frames).any(axis=1)]
         if name not in self.dataset:
             return np.empty(0)
         values = self.dataset[name]
@@ -194,16 +197,19 @@ class Side:
         return _fields_of(moments, False)
 
     def unresolved(self, time: float) -> float:
-        """Sum of the amplitudes in the highest eighth of the density's waves, over its maximum: what may be folded onto others.
+        """Sum of the amplitudes in the highest eighth of the moments' waves, over their maxima: what may be folded onto others.
 
         Of points of the closed form, and of density steps; a grid solver's waves are in its error estimate.
         """
         stepped = self.scene is not None and self.scene.initial.step is not None
         if self.stochastic or not (stepped or self.dataset.attrs.get("method") == "exact"):
             return 0.0
-        rho = self.dataset["density"].values[self.frame("density", time)]
-        size = np.abs(np.fft.rfft(rho, norm="forward"))
-        return float(2 * size[-(size.size // 8) :].sum() / rho.max()) if size.size >= 8 else 0.0
+        rho, u, theta = (self.dataset[name].values[self.frame(name, time)] for name in OVER_X)
+        return max(_highest(values[:, None]) for values in (rho, rho * u, rho * (theta + u**2)))
+
+    def unresolved_f(self, time: float) -> float:
+        """Likewise of f."""
+        return 0.0 if self.stochastic else _highest(self.dataset["f"].values[self.frame("f", time)])
 
     def totals(self, time: float, nx: int, v: Array, length: float) -> dict[str, Values]:
         """Of all particles together: `TOTALS`, each (1,)."""
@@ -294,6 +300,13 @@ class Side:
             sampler = Sampler(length, nx, v, self.law.initial.density * length / places.size)
             samples.append(sampler.sample(np.ascontiguousarray(places), np.ascontiguousarray(velocities)))
         return fields(samples, length, nx, v)
+
+
+def _highest(values: Array) -> float:
+    """Sum over the highest eighth of the waves of values (nx, nv) of their largest amplitude, over the largest value."""
+    size = np.abs(np.fft.rfft(values, axis=0, norm="forward")).max(axis=1)
+    largest = np.abs(values).max()
+    return float(2 * size[-(size.size // 8) :].sum() / largest) if size.size >= 8 and largest > 0 else 0.0
 
 
 def _scene_of(dataset: xr.Dataset, name: str) -> Scene | None:

@@ -355,7 +355,11 @@ def test_raw_particles_are_those_of_their_run(run: xr.Dataset, names: tuple[str,
             continue
         stderr = run[f"{row.field}_stderr"].sel(time=row.time).values
         counted = np.isfinite(row.error)
-        assert row.error[counted] == pytest.approx(math.sqrt(2) * stderr[counted], rel=1e-8)
+        expected = math.sqrt(2) * stderr
+        if row.field == W:  # not below that of counts
+            weight, dv = 0.8 * 9 / run["position"][0].size, float(run["v"][1] - run["v"][0])
+            expected = np.maximum(expected, np.sqrt(2 * np.maximum(row.second, 0) * weight / dv))
+        assert row.error[counted] == pytest.approx(expected[counted], rel=1e-8)
 
 
 @pytest.mark.parametrize("order", ["as they are", "by position", "by velocity", "mixed"])
@@ -404,7 +408,7 @@ def test_a_wrong_ensemble_is_found(make_scene: MakeScene) -> None:
     rng = np.random.default_rng(3)
     u, theta = 1.3 / 0.7, 0.5
     x, v = rng.uniform(-18, 18, (8, 2000)), rng.normal(u, math.sqrt(theta), (8, 2000))
-    particles = xr.Dataset({"x": (("r", "n"), np.mod(x, 9.0)), "v": (("r", "n"), v)})
+    particles = xr.Dataset({"x": (("replica", "n"), np.mod(x, 9.0)), "v": (("replica", "n"), v)})
     flat = truth(make_scene(initial={"modes": [{"mode": 1, "cos": 1e-6}]}, grid={"nx": 33}))
     assert not compare(particles, flat).differ
     assert compare(particles, truth(make_scene()), time=0.0).differ
@@ -571,9 +575,7 @@ def test_a_density_that_is_not_positive(make_scene: MakeScene) -> None:
     changes: dict[str, Any] = {"initial": {"modes": [{"mode": 1, "cos": 1.0}]}, "run": {"end_time": 0.01}}
     found = compare(ensemble(make_scene(**changes, particles={"count": 50, "replicas": 8})), truth(make_scene(**changes)))
     assert {"density", W} <= fields(found) <= {"density", W, *TOTALS}
-    assert any(
-        note.startswith("not compared: temperature at t = 0: the density is not positive everywhere") for note in found.notes
-    )
+    assert any(note.startswith("not compared: temperature at t = 0: values are not finite") for note in found.notes)
 
 
 # -- what a comparison gives
@@ -710,3 +712,59 @@ def test_few_particles_are_granted_their_correlations(make_scene: MakeScene, cou
     """The right scene with so few particles that (2), which knows no correlations, is off by more than the scatter."""
     scene = make_scene(collisions=FOLLOW, particles={"count": count, "replicas": replicas}, grid={"nx": 9, "nv": 64})
     assert not compare(ensemble(scene), truth(make_scene(collisions=FOLLOW))).differ
+
+
+@pytest.mark.parametrize("seed", [102, 112, 137, 141, 148, 150])
+def test_replicas_that_count_the_same(make_scene: MakeScene, seed: int) -> None:
+    """Two replicas with the same number at some v have no scatter there; these seeds have such a v."""
+    scene = make_scene(particles={"count": 2000, "replicas": 2, "seed": seed})
+    assert not compare(ensemble(scene), on_the_grid(make_scene())).differ
+
+
+def test_a_density_step_later_on(make_scene: MakeScene) -> None:
+    """Default points of the closed form do not hold the waves of f: what they may do is granted, or f is left out."""
+    initial = {"modes": [], "step": {"from": 0.2, "to": 0.5, "ratio": 3.0}}
+    scene = make_scene(initial=initial, pipe={"length": 25.0}, run={"output_every": 0.5})
+    found = compare(on_the_grid(scene), truth(scene))
+    assert not found.differ
+    assert len(found.rows) > 5
+
+
+def test_values_that_are_not_finite(make_scene: MakeScene) -> None:
+    right = truth(make_scene())
+    for name, said in ((W, "w(v) at t = 1.5"), ("f", "f at t = 1.5"), ("temperature", "temperature at t = 1.5")):
+        values = right[name].values.copy()
+        values[-1].flat[3] = np.nan
+        for pair in (
+            (right.assign({name: right[name].copy(data=values)}), right),
+            (right, right.assign({name: right[name].copy(data=values)})),
+        ):
+            found = compare(*pair)
+            assert not found.differ
+            assert any(note.startswith(f"not compared: {said}") for note in found.notes), found.notes
+
+
+def test_a_bound_that_allows_everything_is_no_agreement(make_scene: MakeScene) -> None:
+    """At R* = 3 with 50 particles the excess of pairs at contact is beyond 1: nothing is left to be compared."""
+    scene = with_collisions(make_scene, 3.0, particles={"count": 50, "replicas": 20}, grid=GRID)
+    with pytest.raises(SceneError, match=r"nothing to compare: .*not compared: density, .*: the systematic part may be"):
+        compare(ensemble(scene), truth(with_collisions(make_scene, 3.0)))
+
+
+def test_a_time_for_what_has_times(make_scene: MakeScene) -> None:
+    with pytest.raises(SceneError, match=r"--time 77: both have times of their own"):
+        compare(truth(make_scene()), on_the_grid(make_scene()), time=77.0)
+
+
+def test_the_time_may_be_in_the_middle(make_scene: MakeScene, run: xr.Dataset) -> None:
+    particles = raw(run)
+    turned = particles.transpose(*sorted(map(str, particles["x"].dims), reverse=True))
+    assert times(compare(turned, run)) == {0, 1.5}
+
+
+def test_steps_are_those_that_are_taken(make_scene: MakeScene) -> None:
+    """Frames cut a longer step short."""
+    given = {"count": 1000, "time_step": 50.0}
+    plan = make_plan(make_scene(collisions=FOLLOW, particles=given, run={"output_every": 0.5}))
+    assert plan.longest_step == 0.5
+    assert plan.relative_step == pytest.approx(0.5 * plan.fastest)

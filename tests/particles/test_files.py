@@ -125,9 +125,10 @@ def test_the_last_frame_that_a_stopped_run_reached(make_scene: MakeScene, tmp_pa
 @pytest.mark.parametrize(
     ("values", "message"),
     [
-        ((("n",), np.empty(0)), "allowed: .time,. .replica,. particle, with at least one particle"),
+        ((("n",), np.empty(0)), "allowed: .time,. .replica,. particle, with these two names, and at least one particle"),
         ((("a", "b", "c"), np.ones((2, 2, 2))), "has dimensions a = 2, b = 2, c = 2"),
         ((("time",), np.ones(3)), "allowed: .time,. .replica,. particle"),
+        ((("sample", "n"), np.ones((2, 3))), "has dimensions sample = 2, n = 3; allowed: .time,. .replica,. particle"),
         ((("n",), np.array(["one", "two"])), "allowed: numbers"),
     ],
 )
