@@ -32,8 +32,8 @@ from matplotlib.figure import Figure
 
 from benchmarks.random_scenes import LEAST_RTOL, against_exact, at_points_of, finer_grid, worst_frame
 from kinetic_solver import Scene, SolverStopped, solve
+from kinetic_solver.errors import SceneError
 from kinetic_solver.plan import make_plan
-from kinetic_solver.scene import SceneError
 
 TOLERANCES = tuple(10.0**-n for n in range(2, 11))
 SIZES = (32, 64, 128, 256)

@@ -22,9 +22,17 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from kinetic_solver import Scene, exact, solve, stability
-from kinetic_solver.homogeneous import homogeneous_state
+from kinetic_solver.analysis.paper_figures import (
+    BINS,
+    LENGTH,
+    RESTITUTION,
+    expected_contrast,
+    figure_scene,
+    gaussian,
+    two_populations,
+)
 from kinetic_solver.scene import FOLLOW_LEADER, INELASTIC, Mode
-from kinetic_solver.snapshots import BINS, LENGTH, RESTITUTION, expected_contrast, figure_scene, gaussian, two_populations
+from kinetic_solver.stability.homogeneous import homogeneous_state
 from particles.plan import make_plan
 from particles.simulation import Simulation
 from particles.single_file import sticking

@@ -17,8 +17,8 @@ import numba
 import numpy as np
 
 from benchmarks.timing import best
-from kinetic_solver.collisions import FollowLeader, Inelastic
-from kinetic_solver.collisions.inelastic import POINTS
+from kinetic_solver.operators.collisions import FollowLeader, Inelastic
+from kinetic_solver.operators.collisions.inelastic import POINTS
 
 NX, NV, RESTITUTION, S = 64, 256, 0.5, 1.0
 

@@ -35,10 +35,11 @@ import xarray as xr
 from benchmarks.random_scenes import interpolation
 from kinetic_solver import Scene, SceneError, SolverStopped, exact, solve
 from kinetic_solver.arrays import Array
-from kinetic_solver.homogeneous import homogeneous_state, start_state
+from kinetic_solver.initial import start_state
 from kinetic_solver.plan import make_plan
-from kinetic_solver.rules import fast_odd
+from kinetic_solver.plan.rules import fast_odd
 from kinetic_solver.scene import INELASTIC
+from kinetic_solver.stability.homogeneous import homogeneous_state
 
 LIMIT = 60.0
 """Seconds that a case may take."""

@@ -16,11 +16,11 @@ import numpy as np
 
 from benchmarks.collision_operator import machine
 from benchmarks.timing import best
-from kinetic_solver.fourier import RealTransform
 from kinetic_solver.grid import PhaseSpaceGrid
-from kinetic_solver.linear import LinearStep
+from kinetic_solver.operators.fourier import RealTransform
+from kinetic_solver.operators.linear import LinearStep
+from kinetic_solver.operators.velocity import OrnsteinUhlenbeckKernel
 from kinetic_solver.scene import Model
-from kinetic_solver.velocity import OrnsteinUhlenbeckKernel
 
 H = 0.05
 

@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from kinetic_solver import Scene, solve
-from kinetic_solver.measured_rates import measured_rates
+from kinetic_solver.analysis.measured_rates import measured_rates
 from kinetic_solver.scene import FOLLOW_LEADER, INELASTIC
 from kinetic_solver.stability import apparent_critical_density, critical_collision_number, density_gain, figure_1, figures
 from kinetic_solver.stability.amplification import growth_times

@@ -27,7 +27,8 @@ import xarray as xr
 from benchmarks.accuracy_rules import ratios
 from kinetic_solver import Scene, SolverStopped, exact, solve
 from kinetic_solver.arrays import Array
-from kinetic_solver.scene import FOLLOW_LEADER, INELASTIC, SceneError
+from kinetic_solver.errors import SceneError
+from kinetic_solver.scene import FOLLOW_LEADER, INELASTIC
 
 FOLLOW_LEADER_SEEDS, INELASTIC_SEEDS = range(20), range(10)
 FIELDS = ("f", "density", "mean_velocity", "temperature")

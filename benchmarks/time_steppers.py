@@ -25,7 +25,7 @@ from benchmarks.work_precision import END, INELASTIC, scene
 from kinetic_solver import Scene
 from kinetic_solver.arrays import Array
 from kinetic_solver.plan import make_plan
-from kinetic_solver.representation import collision_operator, make_representation
+from kinetic_solver.solver.representation import collision_operator, make_representation
 from kinetic_solver.stepping import BaseMethod, Extrapolated, Rate, Substep, lawson, strang
 from kinetic_solver.threads import one_blas_thread
 

@@ -34,18 +34,18 @@ from benchmarks.collision_operator import double_loop
 from benchmarks.timing import best
 from kinetic_solver import Scene, exact, solve
 from kinetic_solver.arrays import Array
-from kinetic_solver.collisions import Inelastic
+from kinetic_solver.errors import LostAccuracy, SceneError, SolverStopped, StepTooSmall
 from kinetic_solver.grid import PhaseSpaceGrid
-from kinetic_solver.homogeneous import homogeneous_state
-from kinetic_solver.linear import LinearStep
-from kinetic_solver.monitor import SolverStopped
+from kinetic_solver.initial import initial_state
+from kinetic_solver.operators.collisions import Inelastic
+from kinetic_solver.operators.linear import LinearStep
+from kinetic_solver.operators.velocity import OrnsteinUhlenbeckKernel
 from kinetic_solver.plan import make_plan
-from kinetic_solver.representation import initial_state, make_representation
-from kinetic_solver.scene import SceneError
-from kinetic_solver.steppers import make_stepper
-from kinetic_solver.stepping import Controlled, Extrapolated, LostAccuracy, Stepper, StepTooSmall, lawson
+from kinetic_solver.solver.representation import make_representation
+from kinetic_solver.solver.steppers import make_stepper
+from kinetic_solver.stability.homogeneous import homogeneous_state
+from kinetic_solver.stepping import Controlled, Extrapolated, Stepper, lawson
 from kinetic_solver.threads import one_blas_thread
-from kinetic_solver.velocity import OrnsteinUhlenbeckKernel
 
 END = 2.0
 INELASTIC = {"operator": "inelastic", "cross_section": 10.0, "restitution": 0.5}

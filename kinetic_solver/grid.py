@@ -8,7 +8,11 @@ from functools import cached_property
 import numpy as np
 
 from kinetic_solver.arrays import Array
-from kinetic_solver.fourier import wavenumbers
+
+
+def wavenumbers(nx: int, length: float) -> Array:
+    """k = 2π n/L for n = 0 … nx//2, the rows of a real transform."""
+    return 2 * np.pi / length * np.arange(nx // 2 + 1)
 
 
 @dataclass(frozen=True)

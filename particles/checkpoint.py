@@ -13,8 +13,9 @@ from zipfile import BadZipFile
 
 import numpy as np
 
-from kinetic_solver.output import FINISHED, open_run
-from kinetic_solver.scene import Scene, SceneError
+from kinetic_solver.dataset import FINISHED, open_run
+from kinetic_solver.errors import SceneError
+from kinetic_solver.scene import Scene
 
 SHARE = 20
 """At least so many times as long as it took to write the last checkpoint lie between two."""

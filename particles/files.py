@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kinetic_solver.arrays import Array
-from kinetic_solver.scene import Scene, SceneError
+from kinetic_solver.errors import SceneError
+from kinetic_solver.scene import Scene
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -10,9 +10,10 @@ import numpy as np
 
 from kinetic_solver import initial
 from kinetic_solver.arrays import Array
+from kinetic_solver.errors import SceneError
 from kinetic_solver.grid import PhaseSpaceGrid
-from kinetic_solver.homogeneous import start_state
-from kinetic_solver.scene import Scene, SceneError
+from kinetic_solver.initial import start_state
+from kinetic_solver.scene import Scene
 from particles import ensemble, single_file
 from particles.estimators import memory_of_samples
 from particles.files import count_of, start_from_file

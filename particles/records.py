@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kinetic_solver.arrays import Array
+from kinetic_solver.dataset import VARIABLES, Variables
 from kinetic_solver.grid import PhaseSpaceGrid
-from kinetic_solver.output import VARIABLES, Variables
 from kinetic_solver.scene import INELASTIC, Scene
 from particles.estimators import MODES
 from particles.single_file import sticking

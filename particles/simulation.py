@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from kinetic_solver import initial
 from kinetic_solver.arrays import Array
-from kinetic_solver.homogeneous import start_state
-from kinetic_solver.output import MemoryRecorder, Recorder
+from kinetic_solver.dataset import MemoryRecorder, Recorder
+from kinetic_solver.initial import start_state
 from kinetic_solver.scene import INELASTIC, Scene
 from particles.collisions import FOLLOW, collide
 from particles.ensemble import Ensemble

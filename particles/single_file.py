@@ -27,7 +27,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinetic_solver.arrays import Array
-from kinetic_solver.scene import Model, SceneError
+from kinetic_solver.errors import SceneError
+from kinetic_solver.scene import Model
 from particles.langevin import LangevinStep
 from particles.random import LANGEVIN, OVERTAKINGS, normal, unit, words
 

@@ -10,7 +10,7 @@ import pytest
 import xarray as xr
 
 from kinetic_solver import Scene, certify, exact, solve
-from kinetic_solver.certification import FIELDS
+from kinetic_solver.analysis.certification import FIELDS
 
 MakeScene = Callable[..., Scene]
 FOLLOW = {"operator": "follow-the-leader", "cross_section": 1.2}

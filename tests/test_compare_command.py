@@ -14,8 +14,8 @@ import xarray as xr
 from typer.testing import CliRunner
 
 from kinetic_solver import Scene, exact
-from kinetic_solver.cli import app
-from kinetic_solver.output import open_run, write_dataset
+from kinetic_solver.cli.app import app
+from kinetic_solver.dataset import open_run, write_dataset
 from particles.simulation import simulate
 
 SCENE = {

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from kinetic_solver import Scene, SolverStopped, exact, run, solve
-from kinetic_solver.monitor import Monitor, Unresolved
-from kinetic_solver.output import Frame, MemoryRecorder
+from kinetic_solver import Scene, SolverStopped, exact, solve
+from kinetic_solver.dataset import Frame, MemoryRecorder
 from kinetic_solver.plan import Plan, make_plan
-from kinetic_solver.solver import integrate
+from kinetic_solver.solver import integrate, loop
+from kinetic_solver.solver.monitor import Monitor, Unresolved
 
 MakeScene = Callable[..., Scene]
 FOLLOW = {"operator": "follow-the-leader", "cross_section": 0.9}
@@ -205,7 +205,7 @@ def test_a_grid_that_does_not_help_stops_the_run(make_scene: MakeScene, monkeypa
 
 def test_a_grid_may_not_grow_without_end(make_scene: MakeScene, monkeypatch: pytest.MonkeyPatch) -> None:
     """Beyond MOST_GROWTH times the first plan's points."""
-    monkeypatch.setattr(run, "MOST_GROWTH", 1.2)
+    monkeypatch.setattr(loop, "MOST_GROWTH", 1.2)
     plan = poorer(make_scene(collisions=INELASTIC, initial=WARM, run=RUN), nx=0.0)
     recorder = Counting(plan)
     with pytest.raises(SolverStopped, match=r"raise grid\.nx \(accuracy\.rtol = 0\.0001\)$"):

@@ -15,9 +15,10 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from kinetic_solver.output import NetCDFRecorder, open_run, write_dataset
+from kinetic_solver.dataset import NetCDFRecorder, open_run, write_dataset
+from kinetic_solver.errors import SceneError
 from kinetic_solver.plan import make_plan
-from kinetic_solver.scene import Scene, SceneError
+from kinetic_solver.scene import Scene
 from kinetic_solver.solver import integrate, solve
 
 MakeScene = Callable[..., Scene]

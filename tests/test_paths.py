@@ -13,7 +13,7 @@ import pytest
 from scipy.interpolate import make_interp_spline
 
 from kinetic_solver import Scene, SolverStopped, exact, solve
-from kinetic_solver.scene import SceneError
+from kinetic_solver.errors import SceneError
 
 MakeScene = Callable[..., Scene]
 FOLLOW = {"operator": "follow-the-leader", "cross_section": 1.2}
@@ -26,7 +26,7 @@ START = {
 }
 CHANGES = {"initial": START, "run": {"end_time": 0.8}, "output": {"budgets": False}}
 POINTS = [
-    {"velocity": "finite-volume", **stepping, **drift_diffusion}
+    {"velocity": "points", **stepping, **drift_diffusion}
     for stepping in ({}, {"stepping": "exact"}, {"stepping": "extrapolated"}, {"stepping": "strang"})
     for drift_diffusion in ({}, {"drift_diffusion": "finite-volume-8"}, {"drift_diffusion": "finite-volume"})
 ]
@@ -111,7 +111,7 @@ def test_what_does_not_go_together(
     message = str(caught.value)
     assert message.startswith(key)
     assert "\n" not in message
-    assert "finite-volume" in message or "kernel" in message  # what is allowed
+    assert "points" in message or "kernel" in message  # what is allowed
 
 
 def test_operator_12_has_no_exact_step(make_scene: MakeScene) -> None:

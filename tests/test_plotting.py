@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from kinetic_solver import Scene, SceneError, solve
-from kinetic_solver.plotting import _fine_v, _fine_x, _frames, overview
+from kinetic_solver.analysis.plotting import _fine_v, _fine_x, _frames, overview
 
 MakeScene = Callable[..., Scene]
 

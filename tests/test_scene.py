@@ -13,7 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from kinetic_solver.scene import Scene, SceneError, fourier_sum, one_line, parse_override
+from kinetic_solver.errors import SceneError
+from kinetic_solver.scene import Scene, fourier_sum, one_line, parse_override
 
 MakeScene = Callable[..., Scene]
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from kinetic_solver import Scene, SolverStopped, exact, solve
-from kinetic_solver.describe import describe
+from kinetic_solver.analysis.describe import describe
 from kinetic_solver.scene import INELASTIC
 
 FOLDER = Path(__file__).parents[1] / "scenes"

@@ -17,11 +17,12 @@ import xarray as xr
 from pydantic import ValidationError
 from typer.testing import CliRunner
 
-from kinetic_solver import Scene, SceneError, compare, snapshots
-from kinetic_solver.cli import app
-from kinetic_solver.homogeneous import homogeneous_state
-from kinetic_solver.snapshots import BINS, expected_contrast, figure_scene, save_snapshots, summary
+from kinetic_solver import Scene, SceneError, compare
+from kinetic_solver.analysis import paper_figures as snapshots
+from kinetic_solver.analysis.paper_figures import BINS, expected_contrast, figure_scene, save_snapshots, summary
+from kinetic_solver.cli.app import app
 from kinetic_solver.stability import structure_factor
+from kinetic_solver.stability.homogeneous import homogeneous_state
 
 SHORT = (0.0, 0.5, 2.0)
 BOTH = pytest.mark.parametrize("operator", ["follow-the-leader", "inelastic"])

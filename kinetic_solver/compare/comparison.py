@@ -22,7 +22,8 @@ import xarray as xr
 from kinetic_solver.arrays import Array
 from kinetic_solver.compare.rows import LEAST_COUNT, MEAN, Both, Row, W, of_all, over_phase_space, over_v, over_x
 from kinetic_solver.compare.sides import OVER_X, SAME_TIME, TOTALS, Side, Values, mean_of
-from kinetic_solver.scene import Scene, SceneError
+from kinetic_solver.errors import SceneError
+from kinetic_solver.scene import Scene
 
 LEVEL = 0.01
 UNRESOLVED = 1e-3

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from kinetic_solver.compare.comparison import Comparison
 from kinetic_solver.compare.rows import MEAN, Row
-from kinetic_solver.scene import SceneError
+from kinetic_solver.errors import SceneError
 
 FIRST, SECOND = "#0072B2", "#D55E00"
 NAMES = {

@@ -14,7 +14,8 @@ from scipy.interpolate import make_interp_spline
 
 from kinetic_solver.arrays import Array
 from kinetic_solver.compare.systematic import systematic_parts
-from kinetic_solver.scene import Scene, SceneError, one_line
+from kinetic_solver.errors import SceneError
+from kinetic_solver.scene import Scene, one_line
 
 PARTS = 20
 """Into which the particles of a single ensemble are divided, to estimate errors as of independent particles."""

@@ -9,7 +9,8 @@ import math
 import numpy as np
 import xarray as xr
 
-from kinetic_solver.scene import Scene, SceneError
+from kinetic_solver.errors import SceneError
+from kinetic_solver.scene import Scene
 from kinetic_solver.stability import structure_factor
 
 EXACT = 1e-9

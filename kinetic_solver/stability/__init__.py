@@ -3,12 +3,7 @@
 Shares no numerics with the grid solver, which is held against it (docs/stability.md).
 """
 
-from kinetic_solver.stability.amplification import (
-    apparent_critical_density,
-    density_gain,
-    structure_factor,
-    transient_growth,
-)
+from kinetic_solver.stability.amplification import apparent_critical_density, density_gain, structure_factor, transient_growth
 from kinetic_solver.stability.closure import closure_rates, critical_collision_number, critical_density, figure_1
 from kinetic_solver.stability.spectrum import (
     eigenfunction,

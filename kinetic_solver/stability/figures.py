@@ -17,7 +17,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
 
 from kinetic_solver.arrays import Array
-from kinetic_solver.scene import INELASTIC, Scene, SceneError
+from kinetic_solver.errors import SceneError
+from kinetic_solver.scene import INELASTIC, Scene
 from kinetic_solver.stability.amplification import transient_growth
 from kinetic_solver.stability.closure import closure_rates, critical_collision_number, critical_density
 from kinetic_solver.stability.flow import Flow, flow_of

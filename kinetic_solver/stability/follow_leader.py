@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from kinetic_solver.arrays import Array
-from kinetic_solver.scene import SceneError
+from kinetic_solver.errors import SceneError
 from kinetic_solver.stability.closure import closure_generator
 from kinetic_solver.stability.hermite import HermiteEquations, follow_leader_equations
 from kinetic_solver.stability.units import Complex

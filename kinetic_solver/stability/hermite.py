@@ -17,6 +17,7 @@ import numpy as np
 from kinetic_solver.arrays import Array
 from kinetic_solver.stability.closure import closure_generator
 from kinetic_solver.stability.units import Complex
+from kinetic_solver.theory.hermite import hermite_functions
 
 FUNCTIONS = 48
 
@@ -132,14 +133,3 @@ def _pairs(count: int) -> Iterator[tuple[Array, Array, Array]]:
     nodes, weights = np.polynomial.legendre.leggauss(math.ceil(0.8 * points))
     for y, weight in zip(reach * (nodes + 1) / 2, reach / 2 * weights, strict=True):
         yield (c + y) / math.sqrt(2), (c - y) / math.sqrt(2), np.full(c.size, weight * spacing * math.sqrt(2) * y / (2 * math.pi))
-
-
-def hermite_functions(y: Array, first: Array, count: int) -> Array:
-    """first(y)·φ_n(y), n < count, shape (count, *y.shape)."""
-    out = np.empty((count, *y.shape))
-    out[0] = first
-    if count > 1:
-        out[1] = y * first
-    for n in range(1, count - 1):
-        out[n + 1] = (y * out[n] - math.sqrt(n) * out[n - 1]) / math.sqrt(n + 1)
-    return out

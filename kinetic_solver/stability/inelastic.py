@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinetic_solver.arrays import Array
-from kinetic_solver.scene import SceneError
+from kinetic_solver.errors import SceneError
 from kinetic_solver.stability.closure import closure_temperature
 from kinetic_solver.stability.hermite import HermiteEquations, inelastic_equations, lyapunov_structure_factor, matrix_density_gain
 from kinetic_solver.stability.units import Complex
@@ -53,6 +53,11 @@ class InelasticFlow:
         self.collision_number = collision_number
         self._base = _Discretisation(restitution, collision_number, POINTS, DIGITS)
         self.temperature = self._base.temperature
+
+    @property
+    def homogeneous(self) -> tuple[Array, Array, float]:
+        """(w, f_h(w), dw) on the points of the base discretisation."""
+        return self._base.w, self._base.f, self._base.dv
 
     def resolves(self, wavenumber: float) -> bool:
         """Whether the points in w are enough for waves so short. Those that are shorter have died out in a tenth of 1/γ."""
@@ -185,7 +190,7 @@ class _Discretisation:
                 return f
         raise SceneError(
             f"collisions: the homogeneous state at restitution {self.restitution:g}, R* = {self.collision_number:.3g} "
-            "is out of reach; allowed: a smaller R*"
+            "is out of reach; allowed: a given initial.temperature, or a smaller R* (collisions.cross_section)"
         )
 
     def linear_collisions(self, f: Array) -> Array:

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kinetic_solver.arrays import Array
-from kinetic_solver.scene import INELASTIC, Scene, SceneError, fourier_sum
+from kinetic_solver.errors import SceneError
+from kinetic_solver.scene import INELASTIC, Scene, fourier_sum
 from kinetic_solver.stability.flow import flow_of
 
 if TYPE_CHECKING:

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinetic_solver.arrays import Array
-from kinetic_solver.scene import Scene, SceneError
+from kinetic_solver.errors import SceneError
+from kinetic_solver.scene import Scene
 
 Complex: TypeAlias = NDArray[np.complexfloating[Any, Any]]
 

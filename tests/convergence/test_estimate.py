@@ -14,7 +14,7 @@ import pytest
 import xarray as xr
 
 from kinetic_solver import Scene, exact, solve
-from kinetic_solver.estimate import PARTS
+from kinetic_solver.solver.estimate import PARTS
 from tests.conftest import BASE, merge
 
 FOLLOW = {"collisions": {"operator": "follow-the-leader", "cross_section": 0.9}}

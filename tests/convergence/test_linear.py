@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from kinetic_solver.grid import PhaseSpaceGrid
-from kinetic_solver.linear import LinearStep
+from kinetic_solver.operators.linear import LinearStep
+from kinetic_solver.operators.transport import shift_phases
+from kinetic_solver.operators.velocity import FiniteVolume, OrnsteinUhlenbeckKernel
 from kinetic_solver.scene import Model
-from kinetic_solver.transport import shift_phases
-from kinetic_solver.velocity import FiniteVolume, OrnsteinUhlenbeckKernel
-from kinetic_solver.velocity.ornstein_uhlenbeck import transition
+from kinetic_solver.theory.ornstein_uhlenbeck import transition
 
 T, MEAN, VARIANCE = 1.2, 0.3, 0.8
 

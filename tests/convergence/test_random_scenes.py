@@ -12,7 +12,8 @@ import pytest
 
 from benchmarks.random_scenes import FOLLOW_LEADER_SEEDS, against_exact, random_scene, refined, worst_frame
 from kinetic_solver import SolverStopped, solve
-from kinetic_solver.scene import FOLLOW_LEADER, INELASTIC, SceneError
+from kinetic_solver.errors import SceneError
+from kinetic_solver.scene import FOLLOW_LEADER, INELASTIC
 
 MOST_REFUSED = 2
 """Of the twenty."""

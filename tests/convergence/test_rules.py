@@ -13,7 +13,7 @@ import pytest
 
 from kinetic_solver import Scene, exact, solve
 from kinetic_solver.plan import make_plan
-from kinetic_solver.rules import DEPOSIT_ERROR, fast_odd
+from kinetic_solver.plan.rules import DEPOSIT_ERROR, fast_odd
 
 
 def scene(operator: dict[str, Any], rtol: float, length: float, temperature: float | None, end: float) -> Scene:

@@ -14,24 +14,15 @@ import numpy as np
 import pytest
 
 from kinetic_solver.arrays import Array
-from kinetic_solver.collisions import FollowLeader, Inelastic
+from kinetic_solver.errors import LostAccuracy, StepTooSmall
 from kinetic_solver.exact import Solution
 from kinetic_solver.grid import PhaseSpaceGrid
-from kinetic_solver.homogeneous import start_state
-from kinetic_solver.initial import density, maxwellian
-from kinetic_solver.linear import LinearStep
+from kinetic_solver.initial import density, maxwellian, start_state
+from kinetic_solver.operators.collisions import FollowLeader, Inelastic
+from kinetic_solver.operators.linear import LinearStep
+from kinetic_solver.operators.velocity import OrnsteinUhlenbeckKernel
 from kinetic_solver.scene import Scene
-from kinetic_solver.stepping import (
-    BaseMethod,
-    Controlled,
-    ExactSteps,
-    Extrapolated,
-    LostAccuracy,
-    StepTooSmall,
-    lawson,
-    strang,
-)
-from kinetic_solver.velocity import OrnsteinUhlenbeckKernel
+from kinetic_solver.stepping import BaseMethod, Controlled, ExactSteps, Extrapolated, lawson, strang
 
 MakeScene = Callable[..., Scene]
 LAMBDA, BETA, C, T = -2.3, 1.4, 0.8, 1.1

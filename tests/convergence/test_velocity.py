@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from kinetic_solver.grid import PhaseSpaceGrid
+from kinetic_solver.operators.velocity import FiniteVolume, HighOrderFiniteVolume, OrnsteinUhlenbeckKernel
 from kinetic_solver.scene import Model
-from kinetic_solver.velocity import FiniteVolume, HighOrderFiniteVolume, OrnsteinUhlenbeckKernel
-from kinetic_solver.velocity.ornstein_uhlenbeck import transition
+from kinetic_solver.theory.ornstein_uhlenbeck import transition
 
 MODEL = Model(gravity=1.3, friction=0.7, noise=0.5)
 

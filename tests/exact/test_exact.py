@@ -11,7 +11,8 @@ import pytest
 from scipy.integrate import quad
 
 from kinetic_solver import exact, initial
-from kinetic_solver.scene import Scene, SceneError
+from kinetic_solver.errors import SceneError
+from kinetic_solver.scene import Scene
 
 MakeScene = Callable[..., Scene]
 COLLISIONS = {"operator": "follow-the-leader", "cross_section": 1.7}
@@ -111,8 +112,9 @@ def test_against_adaptive_quadrature(make_scene: MakeScene) -> None:
     """A slow twin: f and E of the docstring by scipy's quad, one point at a time."""
     scene = make_scene(collisions=COLLISIONS, initial={**OFF, **ROUGH})
     solution = exact.Solution(scene, 1.1)
-    k = exact._spread(scene.model, 1.1)
+    k = solution.spread
     e, b = k.decay, k.drift_time
+    noise = [[k.displacement_variance, k.covariance], [k.covariance, k.velocity_variance]]
 
     def at(y: float) -> tuple[float, float, float]:
         return (
@@ -128,14 +130,14 @@ def test_against_adaptive_quadrature(make_scene: MakeScene) -> None:
 
         def arriving(y: float, x: float = x, v: float = v) -> float:
             rho, u, theta = at(y)
-            covariance = theta * np.array([[b * b, b * e], [b * e, e * e]]) + [[k.xx, k.xv], [k.xv, k.vv]]
+            covariance = theta * np.array([[b * b, b * e], [b * e, e * e]]) + noise
             d = np.array([x - y - u * b - k.displacement_shift, v - k.velocity_shift - u * e])
             exponent = -d @ np.linalg.solve(covariance, d) / 2 + logarithm(y) - logarithm(x)
             return rho * math.exp(exponent) / (2 * math.pi * math.sqrt(np.linalg.det(covariance)))
 
         def xi(y: float, x: float = x) -> float:
             _, u, theta = at(y)
-            return (x - y - u * b - k.displacement_shift) / math.sqrt(theta * b * b + k.xx)
+            return (x - y - u * b - k.displacement_shift) / math.sqrt(theta * b * b + k.displacement_variance)
 
         def normaliser(y: float) -> float:
             slope = (xi(y + 1e-4) - xi(y - 1e-4)) / 2e-4
@@ -208,7 +210,7 @@ def test_a_density_step(make_scene: MakeScene) -> None:
     free = Scene.model_validate({**base, "initial": step, "collisions": None})
     solution = exact.Solution(free, 1.0)
     s = solution.spread
-    width = math.sqrt(2 * (0.9 * s.drift_time**2 + s.xx))
+    width = math.sqrt(2 * (0.9 * s.drift_time**2 + s.displacement_variance))
     moved = -0.4 * s.drift_time + s.displacement_shift
     outer = 0.8 / (1 + 2 * 0.3)
     for point in (0.3, 2.5, 6.1):

@@ -11,12 +11,12 @@ import pytest
 import xarray as xr
 
 from kinetic_solver import Scene, exact, solve
-from kinetic_solver.collisions import FollowLeader, Inelastic
-from kinetic_solver.collisions.protocol import CollisionOperator
-from kinetic_solver.frame import Frame
 from kinetic_solver.grid import PhaseSpaceGrid
-from kinetic_solver.moments import totals
+from kinetic_solver.operators.collisions import FollowLeader, Inelastic
+from kinetic_solver.operators.collisions.protocol import CollisionOperator
+from kinetic_solver.operators.moments import totals
 from kinetic_solver.plan import make_plan
+from kinetic_solver.plan.moving_frame import Frame
 from kinetic_solver.scene import Model
 
 MakeScene = Callable[..., Scene]

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from kinetic_solver.arrays import Array
-from kinetic_solver.fourier import derivative
+from kinetic_solver.errors import LostAccuracy
 from kinetic_solver.grid import PhaseSpaceGrid
-from kinetic_solver.linearised.ratio import GaugeRatio
-from kinetic_solver.stepping import LostAccuracy
+from kinetic_solver.operators.fourier import derivative
+from kinetic_solver.operators.linearised.ratio import GaugeRatio
 
 VOID = 1 - 1e-10
 

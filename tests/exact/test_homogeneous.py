@@ -8,8 +8,9 @@ from collections.abc import Callable
 import pytest
 
 from kinetic_solver import solve
-from kinetic_solver.homogeneous import homogeneous_state, start_state
+from kinetic_solver.initial import start_state
 from kinetic_solver.scene import Scene
+from kinetic_solver.stability.homogeneous import homogeneous_state
 
 MakeScene = Callable[..., Scene]
 UNIT = {"gravity": 0.0, "friction": 1.0, "noise": 1.0}

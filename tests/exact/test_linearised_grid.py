@@ -12,14 +12,14 @@ import pytest
 
 from kinetic_solver import initial
 from kinetic_solver.arrays import Array
+from kinetic_solver.errors import LostAccuracy
 from kinetic_solver.exact import Solution
 from kinetic_solver.grid import PhaseSpaceGrid
-from kinetic_solver.homogeneous import start_state
-from kinetic_solver.linearised.grid import GridLinearisedStep
+from kinetic_solver.initial import start_state
+from kinetic_solver.operators.linearised.grid import GridLinearisedStep
+from kinetic_solver.operators.velocity import OrnsteinUhlenbeckKernel
 from kinetic_solver.scene import Model, Scene
-from kinetic_solver.stepping import LostAccuracy
-from kinetic_solver.velocity import OrnsteinUhlenbeckKernel
-from kinetic_solver.velocity.ornstein_uhlenbeck import transition, transport_times
+from kinetic_solver.theory.ornstein_uhlenbeck import transition, transport_times
 
 MakeScene = Callable[..., Scene]
 GLOBAL, LOCAL = 1.0, 0.0

@@ -9,12 +9,12 @@ import pytest
 
 from kinetic_solver import initial
 from kinetic_solver.arrays import Array
+from kinetic_solver.errors import LostAccuracy
 from kinetic_solver.exact import Solution
-from kinetic_solver.homogeneous import start_state
-from kinetic_solver.linearised.hermite import HermiteLinearisedStep
+from kinetic_solver.initial import start_state
+from kinetic_solver.operators.linearised.hermite import HermiteLinearisedStep
+from kinetic_solver.operators.velocity.hermite import HermiteBasis
 from kinetic_solver.scene import Scene
-from kinetic_solver.stepping import LostAccuracy
-from kinetic_solver.velocity.hermite import HermiteBasis
 
 MakeScene = Callable[..., Scene]
 # Nothing is one, no two are equal, and the start is neither the homogeneous state nor at the temperature σ

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from kinetic_solver import Scene, SceneError, SolverStopped, solve
-from kinetic_solver.monitor import Monitor
 from kinetic_solver.plan import make_plan
+from kinetic_solver.solver.monitor import Monitor
 
 MakeScene = Callable[..., Scene]
 FOLLOW = {"operator": "follow-the-leader", "cross_section": 2.0}
@@ -73,7 +73,7 @@ def test_the_slow_edge_counts_with_its_amplification(make_scene: MakeScene) -> N
 
 
 def test_nan_stops_at_once(make_scene: MakeScene, monkeypatch: pytest.MonkeyPatch) -> None:
-    from kinetic_solver.collisions import FollowLeader
+    from kinetic_solver.operators.collisions import FollowLeader
 
     calls = []
     whole = FollowLeader.__call__

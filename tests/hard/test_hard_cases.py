@@ -10,8 +10,8 @@ import pytest
 
 from benchmarks import hard_cases
 from kinetic_solver import Scene, solve
-from kinetic_solver.homogeneous import homogeneous_state
 from kinetic_solver.scene import Output
+from kinetic_solver.stability.homogeneous import homogeneous_state
 
 LIMIT = 60.0
 """Seconds that a run may take; its truth twice that."""

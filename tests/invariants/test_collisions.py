@@ -9,7 +9,7 @@ import numba
 import numpy as np
 import pytest
 
-from kinetic_solver.collisions import FollowLeader, Inelastic
+from kinetic_solver.operators.collisions import FollowLeader, Inelastic
 
 EPS = np.finfo(float).eps
 S = 1.7

@@ -10,13 +10,14 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from kinetic_solver.collisions import FollowLeader, Inelastic
-from kinetic_solver.collisions.hermite import FollowLeaderHermite, InelasticHermite
 from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.initial import maxwellian
-from kinetic_solver.moments import moments, totals
+from kinetic_solver.operators.collisions import FollowLeader, Inelastic
+from kinetic_solver.operators.collisions.hermite import FollowLeaderHermite, InelasticHermite
+from kinetic_solver.operators.moments import moments, totals
+from kinetic_solver.operators.velocity.hermite import HermiteBasis, propagators
 from kinetic_solver.scene import Model
-from kinetic_solver.velocity.hermite import HermiteBasis, hermite_functions, propagators
+from kinetic_solver.theory.hermite import hermite_functions
 
 S = 1.7
 CENTRE, VARIANCE = 0.4, 0.7

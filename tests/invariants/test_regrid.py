@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from kinetic_solver.frame import Place
 from kinetic_solver.grid import PhaseSpaceGrid
-from kinetic_solver.regrid import ToOutput, regrid, resize, window_in_cells
+from kinetic_solver.plan.moving_frame import Place
+from kinetic_solver.solver.regrid import ToOutput, regrid, resize, window_in_cells
 
 EPS = np.finfo(float).eps
 GRID = PhaseSpaceGrid(nx=15, nv=48, length=9.0, low=-6.0, high=7.2)

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from kinetic_solver.grid import PhaseSpaceGrid
+from kinetic_solver.operators.velocity import FiniteVolume, HighOrderFiniteVolume, OrnsteinUhlenbeckKernel
+from kinetic_solver.operators.velocity.kernel import resolved_spacing
 from kinetic_solver.scene import Model
-from kinetic_solver.velocity import FiniteVolume, HighOrderFiniteVolume, OrnsteinUhlenbeckKernel
-from kinetic_solver.velocity.kernel import resolved_spacing
-from kinetic_solver.velocity.ornstein_uhlenbeck import excess_displacement, half_transport_time, transition
+from kinetic_solver.theory.ornstein_uhlenbeck import excess_displacement, half_transport_time, transition
 
 MODEL = Model(gravity=1.3, friction=0.7, noise=0.5)
 GRID = PhaseSpaceGrid(1, 96, 1.0, -4.0, 7.5)

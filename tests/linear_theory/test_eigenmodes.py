@@ -12,13 +12,12 @@ import xarray as xr
 from pydantic import ValidationError
 
 from kinetic_solver import Scene, SceneError, exact, solve
-from kinetic_solver.certification import certify
-from kinetic_solver.describe import describe
-from kinetic_solver.homogeneous import start_state
-from kinetic_solver.initial import eigenmode_state
-from kinetic_solver.measured_rates import measured_rates, mode_amplitudes
+from kinetic_solver.analysis.certification import certify
+from kinetic_solver.analysis.describe import describe
+from kinetic_solver.analysis.measured_rates import measured_rates, mode_amplitudes
+from kinetic_solver.initial import eigenmode_state, start_state
 from kinetic_solver.plan import make_plan
-from kinetic_solver.representation import make_representation
+from kinetic_solver.solver.representation import make_representation
 from kinetic_solver.stability import eigenfunction, homogeneous_distribution, kinetic_rates
 
 GAMMA, SIGMA, RHO = 0.7, 0.5, 0.8
@@ -130,7 +129,7 @@ def test_without_collisions() -> None:
     assert deviation(measured_rates(solve(scene), 3)) <= 1e-8
 
 
-@pytest.mark.parametrize("velocity", ["finite-volume", "hermite"])
+@pytest.mark.parametrize("velocity", ["points", "hermite"])
 def test_before_the_kernel_is_resolved(velocity: str) -> None:
     """Frames before the first exact step that the velocity points resolve are made on denser ones, from the eigenmode there."""
     scene = make(

@@ -8,9 +8,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from kinetic_solver.homogeneous import homogeneous_state
 from kinetic_solver.scene import Scene
 from kinetic_solver.stability import eigenfunction, homogeneous_distribution, kinetic_rates
+from kinetic_solver.stability.homogeneous import homogeneous_state
 from kinetic_solver.stability.inelastic import InelasticFlow, _discretisation, inelastic_flow
 
 MakeScene = Callable[..., Scene]

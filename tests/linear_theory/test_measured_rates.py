@@ -12,7 +12,7 @@ import pytest
 import xarray as xr
 
 from kinetic_solver import Scene, SceneError, solve
-from kinetic_solver.measured_rates import measured_lines, measured_rates, mode_amplitudes
+from kinetic_solver.analysis.measured_rates import measured_lines, measured_rates, mode_amplitudes
 from kinetic_solver.stability import kinetic_rates, structure_factor
 
 MakeScene = Callable[..., Scene]

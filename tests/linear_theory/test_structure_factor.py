@@ -13,13 +13,9 @@ from kinetic_solver.scene import Scene
 from kinetic_solver.stability import apparent_critical_density, structure_factor
 from kinetic_solver.stability.closure import closure_generator
 from kinetic_solver.stability.follow_leader import FollowLeaderFlow
-from kinetic_solver.stability.hermite import (
-    follow_leader_equations,
-    hermite_functions,
-    inelastic_equations,
-    lyapunov_structure_factor,
-)
+from kinetic_solver.stability.hermite import follow_leader_equations, inelastic_equations, lyapunov_structure_factor
 from kinetic_solver.stability.inelastic import _discretisation, inelastic_flow
+from kinetic_solver.theory.hermite import hermite_functions
 
 MakeScene = Callable[..., Scene]
 FOLLOW = {"operator": "follow-the-leader", "cross_section": 1.7}

@@ -10,15 +10,16 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from kinetic_solver.scene import Scene, SceneError
+from kinetic_solver.errors import SceneError
+from kinetic_solver.scene import Scene
 from kinetic_solver.stability import density_gain, transient_growth
 from kinetic_solver.stability.amplification import growth_times
 from kinetic_solver.stability.closure import closure_generator
 from kinetic_solver.stability.flow import flow_of
 from kinetic_solver.stability.follow_leader import _enough_functions
-from kinetic_solver.stability.hermite import hermite_functions
 from kinetic_solver.stability.inelastic import _discretisation, inelastic_flow
 from kinetic_solver.stability.units import dimensionless
+from kinetic_solver.theory.hermite import hermite_functions
 
 MakeScene = Callable[..., Scene]
 FOLLOW = {"operator": "follow-the-leader", "cross_section": 2.6}

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from kinetic_solver import exact
-from kinetic_solver.measured_rates import measured_rates
-from kinetic_solver.scene import Scene, SceneError
+from kinetic_solver.analysis.measured_rates import measured_rates
+from kinetic_solver.errors import SceneError
+from kinetic_solver.scene import Scene
 from kinetic_solver.stability import closure_rates, critical_density, kinetic_rates, truncated_run
 
 MakeScene = Callable[..., Scene]

@@ -86,7 +86,7 @@ def test_replicas_are_independent(make_scene: MakeScene) -> None:
 @pytest.mark.parametrize(("collisions", "theta"), [(INELASTIC, None), (FOLLOW, 0.5)], ids=["(12)", "(6)"])
 def test_homogeneous_states(make_scene: MakeScene, collisions: dict[str, Any], theta: float | None) -> None:
     """θ and u stay those of the homogeneous state, within 4 standard errors over replicas."""
-    from kinetic_solver.homogeneous import homogeneous_state
+    from kinetic_solver.stability.homogeneous import homogeneous_state
 
     scene = make_scene(
         collisions=collisions, initial={"modes": []}, run={"end_time": 4.0}, particles={"count": 20_000, "replicas": 8}, grid=GRID

@@ -11,7 +11,8 @@ import numba
 import numpy as np
 import pytest
 
-from kinetic_solver.scene import Model, SceneError
+from kinetic_solver.errors import SceneError
+from kinetic_solver.scene import Model
 from particles.collisions import FOLLOW
 from particles.random import OVERTAKINGS, key, words
 from particles.single_file import SingleFile, _advance, _fly, _settle, sticking

@@ -1,0 +1,1 @@
+"""What is made of runs and scenes: certification, measured rates, pictures, words."""

@@ -1,0 +1,198 @@
+"""Pictures of a run. Imported only when asked for; draws on its own canvas, so no display is needed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from kinetic_solver.arrays import Array
+from kinetic_solver.errors import SceneError
+from kinetic_solver.scene import INELASTIC, Scene
+from kinetic_solver.stability.homogeneous import homogeneous_state
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+def overview(dataset: xr.Dataset, times: Sequence[float] | None = None) -> Figure:
+    """Density over (x, t), w(v) with its Gaussian, and f(x, v) at up to four `times`.
+
+    By default the times are the first, the last, and those between which f changes equally. A homogeneous run (nx = 1) shows its
+    temperature over time instead, with the stationary value or Haff's law. Fields are drawn through the grid's points
+    by the trigonometric interpolant in x and a cubic spline in v. Raises SceneError where the dataset lacks the fields.
+    """
+    for name in ("density", "velocity_distribution"):
+        if name not in dataset:
+            method = dataset.attrs.get("method", "unknown")
+            raise SceneError(f"the file has no {name!r} (method: {method}); allowed: a run with output.moments = true")
+    extended = dataset.sizes["x"] > 1
+    with_f = "f" in dataset and extended
+    shown = _frames(dataset, "velocity_distribution", times)
+    figure = Figure(figsize=(12, 8.6 if with_f else 5), layout="constrained")
+    top, *bottom = figure.subfigures(2 if with_f else 1, 1, squeeze=False, height_ratios=[1.1, 1] if with_f else [1])[:, 0]
+    left, right = top.subplots(1, 2, width_ratios=[1.15, 1])
+    (_density_map if extended else _temperature_history)(left, dataset)
+    _velocity_distribution(right, dataset, shown)
+    if with_f:
+        _phase_space(bottom[0], dataset, times)
+    figure.suptitle(_title(_scene(dataset)), fontsize=12)
+    return figure
+
+
+def save_overview(dataset: xr.Dataset, path: str | Path, times: Sequence[float] | None = None) -> None:
+    """Draw `overview` into a file; its ending gives the format."""
+    figure = overview(dataset, times)
+    try:
+        figure.savefig(path, dpi=150)
+    except (OSError, ValueError) as error:
+        raise SceneError(f"{path}: cannot be written ({error})") from None
+
+
+def _scene(dataset: xr.Dataset) -> Scene:
+    return Scene.model_validate_json(dataset.attrs["scene"])
+
+
+def _title(scene: Scene) -> str:
+    parts = [f"g = {scene.model.gravity:g}, γ = {scene.model.friction:g}, σ = {scene.model.noise:g}"]
+    if scene.collisions is None:
+        parts.append("no collisions")
+    else:
+        kind: str = scene.collisions.operator
+        if scene.collisions.restitution is not None:
+            kind += f", ε = {scene.collisions.restitution:g}"
+        parts.append(kind)
+        number = scene.groups.collision_number
+        rate = scene.cross_section * scene.initial.density
+        parts.append(f"R* = {number:.3g}" if np.isfinite(number) else f"Sρ = {rate:.3g}")
+    return "     ".join(parts)
+
+
+def _frames(dataset: xr.Dataset, name: str, times: Sequence[float] | None, count: int = 4) -> list[int]:
+    """Indices of the frames nearest to `times`; by default `count` of them, between which the field changes equally."""
+    t = _times(dataset, name)
+    if not t.size:
+        raise SceneError("the file has no frame yet")
+    if times is not None:
+        return sorted({int(np.abs(t - time).argmin()) for time in times})[:count]
+    values = dataset[name].values[: t.size].reshape(t.size, -1)
+    change = np.abs(np.diff(values, axis=0)).sum(axis=1)
+    path = np.append(0.0, np.cumsum(change))
+    return sorted({int(np.abs(path - part).argmin()) for part in np.linspace(0, path[-1], count)})
+
+
+def _times(dataset: xr.Dataset, name: str) -> Array:
+    """Times of the frames of `name` that are complete."""
+    dimension = str(dataset[name].dims[0])
+    whole = np.isfinite(dataset[name].values.reshape(dataset.sizes[dimension], -1)[:, 0])
+    return np.asarray(dataset[dimension].values[whole], dtype=float)
+
+
+def _period(dataset: xr.Dataset) -> float:
+    return _scene(dataset).pipe.length
+
+
+def _fine_x(values: Array, length: float, axis: int) -> tuple[Array, Array]:
+    """(x, values) on at least 240 intervals of the period, its end included, by the trigonometric interpolant."""
+    nx = values.shape[axis]
+    factor = max(1, -(-240 // nx))
+    spectrum = np.fft.rfft(values, axis=axis)
+    if nx % 2 == 0 and factor > 1:  # the Nyquist cosine becomes an ordinary mode, which counts twice
+        spectrum[(slice(None),) * axis + (-1,)] /= 2
+    fine = np.fft.irfft(spectrum, n=nx * factor, axis=axis) * factor
+    return np.linspace(0, length, nx * factor + 1), np.concatenate([fine, fine.take([0], axis=axis)], axis=axis)
+
+
+def _fine_v(v: Array, values: Array, axis: int) -> tuple[Array, Array]:
+    """(v, values) on at least 300 points, by a cubic spline."""
+    from scipy.interpolate import make_interp_spline
+
+    if v.size >= 300:
+        return v, values
+    fine = np.linspace(v[0], v[-1], 400)
+    return fine, make_interp_spline(v, values, k=3, axis=axis)(fine)
+
+
+def _colours(count: int) -> Any:
+    from matplotlib import colormaps
+
+    return colormaps["viridis"](np.linspace(0.0, 0.85, count))
+
+
+def _legend_below(axes: Any, columns: int) -> None:
+    """Under the axes, where it covers no curve."""
+    axes.legend(frameon=False, fontsize=9, loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=min(columns, 3))
+
+
+def _density_map(axes: Any, dataset: xr.Dataset) -> None:
+    t = _times(dataset, "density")
+    x, rho = _fine_x(dataset["density"].values[: t.size], _period(dataset), axis=1)
+    if t.size > 2:
+        mesh = axes.pcolormesh(x, t, rho, cmap="magma", shading="gouraud", rasterized=True)
+        axes.figure.colorbar(mesh, ax=axes, label="density ρ", pad=0.01)
+        axes.set(xlabel="x", ylabel="time t", title="density ρ(x, t)", xlim=(0, x[-1]))
+        return
+    for colour, time, row in zip(_colours(t.size), t, rho, strict=True):
+        axes.plot(x, row, color=colour, lw=2, label=f"t = {time:.3g}")
+    axes.set(xlabel="x", ylabel="density ρ", title="density ρ(x)", xlim=(0, x[-1]))
+    _legend_below(axes, t.size)
+
+
+def _temperature_history(axes: Any, dataset: xr.Dataset) -> None:
+    scene, t = _scene(dataset), _times(dataset, "temperature")
+    theta = dataset["temperature"].values[: t.size, 0]
+    axes.plot(t, theta, color="C0", lw=2, label="θ(t)")
+    state = homogeneous_state(scene)
+    if state is not None:
+        axes.axhline(state.temperature, color="0.4", lw=1, ls="--", label=f"stationary, θ = {state.temperature:.6g}")
+    elif scene.operator == INELASTIC and scene.model.friction == 0:
+        rate = scene.cross_section * (1 - scene.restitution**2) * scene.initial.density * np.sqrt(theta[0] / np.pi)
+        axes.plot(t, theta[0] / (1 + rate * t) ** 2, color="0.4", lw=1, ls="--", label="Haff's law (Maxwellian gas)")
+    axes.set(xlabel="time t", ylabel="temperature θ", title="temperature θ(t)")
+    if theta.min() > 0 and theta.max() > 30 * theta.min():
+        axes.set(yscale="log")
+    else:
+        axes.set_ylim(0, 1.05 * axes.get_ylim()[1])
+    axes.grid(alpha=0.3)
+    _legend_below(axes, 2)
+
+
+def _velocity_distribution(axes: Any, dataset: xr.Dataset, shown: list[int]) -> None:
+    t, v = _times(dataset, "velocity_distribution"), dataset["v"].values
+    w = dataset["velocity_distribution"].values
+    dv = v[1] - v[0]
+    top = float(w[shown].max())
+    for colour, n in zip(_colours(len(shown)), shown, strict=True):
+        mass = w[n].sum() * dv
+        mean = (v * w[n]).sum() * dv / mass
+        variance = ((v - mean) ** 2 * w[n]).sum() * dv / mass
+        fine, curve = _fine_v(v, w[n], axis=0)
+        gaussian = mass * np.exp(-((fine - mean) ** 2) / (2 * variance)) / np.sqrt(2 * np.pi * variance)
+        axes.plot(fine, curve, color=colour, lw=2, label=f"t = {t[n]:.3g}")
+        axes.plot(fine, gaussian, color=colour, lw=1, ls=(0, (3, 2)))
+    axes.plot([], [], color="0.4", lw=1, ls=(0, (3, 2)), label="Gaussian, same moments")
+    visible = v[(w[shown] > 1e-3 * top).any(axis=0)]
+    axes.set(xlabel="v", ylabel="w(v, t)", title="velocity distribution", xlim=(visible[0], visible[-1]), ylim=(0, None))
+    _legend_below(axes, len(shown) + 1)
+
+
+def _phase_space(figure: Any, dataset: xr.Dataset, times: Sequence[float] | None) -> None:
+    shown = _frames(dataset, "f", times)
+    t, v = _times(dataset, "f"), dataset["v"].values
+    frames = []
+    for n in shown:
+        x, f = _fine_x(dataset["f"].values[n], _period(dataset), axis=0)
+        fine, f = _fine_v(v, f, axis=1)
+        frames.append(f)
+    top = max(float(f.max()) for f in frames)
+    visible = np.flatnonzero(np.max([f.max(axis=0) for f in frames], axis=0) > 2e-3 * top)
+    panels = figure.subplots(1, len(shown), sharey=True, squeeze=False)[0]
+    mesh = None
+    for axes, n, f in zip(panels, shown, frames, strict=True):
+        mesh = axes.pcolormesh(x, fine, f.T, cmap="magma", shading="gouraud", vmin=0, vmax=top, rasterized=True)
+        axes.set(xlabel="x", title=f"f(x, v), t = {t[n]:.3g}", xlim=(0, x[-1]), ylim=(fine[visible[0]], fine[visible[-1]]))
+    panels[0].set_ylabel("velocity v")
+    figure.colorbar(mesh, ax=panels, pad=0.01, aspect=30)

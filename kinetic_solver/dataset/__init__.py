@@ -1,0 +1,25 @@
+"""The one schema of every method's dataset, what records it, and files of it: the only place that writes netCDF."""
+
+from kinetic_solver.dataset.files import append, open_netcdf, open_run, refuse_existing, scene_of, write_dataset
+from kinetic_solver.dataset.provenance import attributes
+from kinetic_solver.dataset.recorders import MemoryRecorder, NetCDFRecorder, Recorder
+from kinetic_solver.dataset.schema import FINISHED, RUNNING, STOPPED, VARIABLES, Frame, Variables
+
+__all__ = [
+    "FINISHED",
+    "RUNNING",
+    "STOPPED",
+    "VARIABLES",
+    "Frame",
+    "MemoryRecorder",
+    "NetCDFRecorder",
+    "Recorder",
+    "Variables",
+    "append",
+    "attributes",
+    "open_netcdf",
+    "open_run",
+    "refuse_existing",
+    "scene_of",
+    "write_dataset",
+]

@@ -1,0 +1,79 @@
+"""Whole files: read, added to, written at once."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pydantic import ValidationError
+
+from kinetic_solver.errors import OutputExistsError, SceneError
+from kinetic_solver.scene import Scene, one_line
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+def open_netcdf(path: str | Path, source: str | None = None) -> xr.Dataset:
+    """A netCDF file, read lazily. Raises SceneError, which begins with `source` (the path), where there is none."""
+    import xarray as xr
+
+    try:
+        return xr.open_dataset(path)
+    except (OSError, ValueError):
+        raise SceneError(f"{source or path}: is not a readable netCDF file") from None
+
+
+def open_run(path: str | Path) -> xr.Dataset:
+    """A run's dataset, read lazily. Raises SceneError where there is none."""
+    dataset = open_netcdf(path)
+    if "scene" not in dataset.attrs:
+        raise SceneError(f"{path}: was not written by kinetic-solver (it has no scene)")
+    return dataset
+
+
+def scene_of(dataset: xr.Dataset, source: str | Path = "dataset") -> Scene:
+    """The scene of a run's dataset. Raises SceneError, which begins with `source`, where it has none or a damaged one."""
+    if "scene" not in dataset.attrs:
+        raise SceneError(f"{source}: was not written by kinetic-solver (it has no scene)")
+    try:
+        return Scene.model_validate_json(dataset.attrs["scene"])
+    except ValidationError as error:
+        raise SceneError(f"{source}: its scene cannot be read ({one_line(error)})") from None
+
+
+def refuse_existing(path: str | Path, overwrite: bool = False) -> None:
+    """Raises OutputExistsError where the file exists and may not be replaced."""
+    if Path(path).exists() and not overwrite:
+        raise OutputExistsError(f"{path}: exists already; allowed: another name, or to overwrite it")
+
+
+def append(path: str | Path, dataset: xr.Dataset) -> None:
+    """Add variables and attributes to a file whose run has finished."""
+    import netCDF4
+
+    with netCDF4.Dataset(path, "a") as out:
+        for name, added in dataset.data_vars.items():
+            values, dims = added.values, tuple(map(str, added.dims))
+            for dimension, size in zip(dims, values.shape, strict=True):
+                if dimension not in out.dimensions:
+                    out.createDimension(dimension, size)
+            variable = out.createVariable(str(name), "f8", dims)
+            variable.setncatts(added.attrs)
+            variable[:] = values
+        out.setncatts(dataset.attrs)
+
+
+def write_dataset(dataset: xr.Dataset, path: str | Path, overwrite: bool = False) -> None:
+    """Write a whole dataset in the format of `NetCDFRecorder`, through a temporary file: all of it or nothing."""
+    path = Path(path)
+    refuse_existing(path, overwrite)
+    part = path.with_name(path.name + ".part")
+    try:
+        growing = [name for name in ("time",) if name in dataset.dims]
+        dataset.to_netcdf(part, format="NETCDF3_64BIT_DATA", engine="netcdf4", unlimited_dims=growing)  # type: ignore[call-overload]
+        part.replace(path)
+    except OSError as error:
+        raise SceneError(f"{path}: cannot be created ({error.strerror})") from None
+    finally:
+        part.unlink(missing_ok=True)

@@ -1,0 +1,31 @@
+"""Where a dataset comes from, as attributes."""
+
+from __future__ import annotations
+
+import functools
+import json
+import sys
+from datetime import UTC, datetime
+from importlib import metadata
+from pathlib import Path
+
+from kinetic_solver.scene import Scene
+
+PACKAGES = ("numpy", "scipy", "numba", "pyfftw", "xarray", "netCDF4")
+_version = functools.cache(metadata.version)
+
+
+def attributes(scene: Scene, method: str) -> dict[str, str | float]:
+    """Provenance: the scene as one JSON text, version, command, seed, packages."""
+    return {
+        "Conventions": "CF-1.11",
+        "title": "One-dimensional kinetic equation with friction, noise and collisions",
+        "method": method,
+        "scene": scene.model_dump_json(by_alias=True, exclude_none=True),
+        "source": f"kinetic-solver {_version('kinetic-solver')}",
+        "version": _version("kinetic-solver"),
+        "command": " ".join([Path(sys.argv[0]).name, *sys.argv[1:]]),
+        "seed": scene.particles.seed,
+        "packages": json.dumps({name: _version(name) for name in PACKAGES}),
+        "created": datetime.now(UTC).isoformat(timespec="seconds"),
+    }

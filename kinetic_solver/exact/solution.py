@@ -1,0 +1,186 @@
+"""The exact solution of the nonlinear equation (2) with operator (6), and without collisions.
+
+It shares no numerics with the grid solver. With Φ_x = ρ, Φ_t = -ρu and f = F exp(-SΦ), F obeys the linear Kramers equation,
+whose Green's function N2(x, v | y) for particles that start at y is a Gaussian in (x, v) (docs/theory.md). So for
+every Maxwellian start, ρ0, u0 and θ0 depending on y as they may,
+
+    f(x, v, t) = ∫ρ0(y) exp(SΦ0(y)) N2(x, v | y) dy / E(x),    E(x) = exp(SΦ(x, t)) = ∫exp(SΦ0(y)) φ(ξ) (-dξ/dy) dy,
+
+ξ(y) = (x - y - m(y))/s(y) the starting point's displacement in standard deviations, φ the standard normal density; E follows from
+E_x = S∫F dv by parts, and is 1 without collisions. For uniform u0, θ0 all terms are positive. Sums are done in log space.
+Error: below 1e-13 of max f (tests/exact/test_exact.py).
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kinetic_solver import initial
+from kinetic_solver.arrays import Array
+from kinetic_solver.scene import Modes, Scene
+from kinetic_solver.theory.ornstein_uhlenbeck import transition
+
+MANY = 5000
+"""Terms of a mixture from which only those near a velocity are summed."""
+SIGMAS = 10.0
+"""Starting points further than this many standard deviations from the weights' bulk are left out: exp(-50) = 2e-22."""
+
+
+class Solution:
+    """The exact solution at one time."""
+
+    def __init__(self, scene: Scene, time: float) -> None:
+        self.scene, self.time = scene, time
+        self.u0, self.theta0 = initial.start_state(scene)
+        self.spread = transition(scene.model, time)
+        self._rho_max = float(initial.density(scene, scene.pipe.length * np.arange(2048) / 2048).max())
+
+    def distribution(self, x: ArrayLike, v: ArrayLike) -> Array:
+        """f at the points, shape (len(x), len(v))."""
+        x, v = np.atleast_1d(np.asarray(x, float)), np.atleast_1d(np.asarray(v, float))
+        if self.time == 0:
+            rho, u, theta = self._start(x)
+            return initial.maxwellian(rho, u, theta, v)
+        noiseless = self.spread.velocity_variance == 0
+        f = np.empty((x.size, v.size))
+        for i, w in enumerate(self._weights(x)):
+            if noiseless:
+                f[i] = self._along_characteristics(x[i], v, w.log_scale)
+            else:
+                f[i] = w.mixture(v)
+        return f
+
+    def moments(self, x: ArrayLike) -> tuple[Array, Array, Array, Array]:
+        """Density, mean velocity, temperature and heat flux ∫(v - u)³ f dv at x: moments of the mixture of Gaussians."""
+        x = np.atleast_1d(np.asarray(x, float))
+        if self.time == 0:
+            rho, u, theta = self._start(x)
+            return rho, u, theta, np.zeros_like(rho)
+        rho, u, theta, q = np.empty((4, x.size))
+        for i, w in enumerate(self._weights(x)):
+            rho[i] = w.weight.sum()
+            u[i] = w.weight @ w.mean / rho[i]
+            c = w.mean - u[i]
+            theta[i] = w.weight @ (c * c + w.variance) / rho[i]
+            q[i] = w.weight @ (c**3 + 3 * c * w.variance)
+        return rho, u, theta, q
+
+    def _start(self, y: Array) -> tuple[Array, Array, Array]:
+        s = self.scene
+        return initial.density(s, y), initial.mean_velocity(s, y, self.u0), initial.temperature(s, y, self.theta0)
+
+    def _weights(self, x: Array) -> Iterator[_Weights]:
+        """For each x: what arrives there, as a mixture of Gaussians in v, one from each node y."""
+        scene, k = self.scene, self.spread
+        e, b, length = k.decay, k.drift_time, scene.pipe.length
+        _, u, theta = self._start(length * np.arange(2048) / 2048)
+        drift = b * np.array([u.min(), u.max()]) + k.displacement_shift
+        wide = math.sqrt(float(theta.max()) * b * b + k.displacement_variance)
+        # Starting points lie a displacement behind; exp(SΦ0) favours dense places ahead, by at most S ρ_max variance.
+        ahead = scene.cross_section * self._rho_max * wide**2
+        spacing = self._spacing(float(theta.min()))
+        for point in x:
+            y, quadrature = self._nodes(point - drift[1] - SIGMAS * wide, point - drift[0] + SIGMAS * wide + ahead, spacing)
+            rho0, u0, theta0 = self._start(y)
+            xx, xv, vv = self._covariance(theta0)
+            displaced = point - y - u0 * b - k.displacement_shift
+            log_weight = scene.cross_section * initial.density_integral(scene, y) - displaced**2 / (2 * xx)
+            top = float(log_weight.max())
+            kernel = np.exp(log_weight - top) * quadrature / np.sqrt(2 * np.pi * xx)
+            # -s dξ/dy, 1 for uniform u0 and θ0
+            du = _derivative(scene.initial.velocity_modes, y, length)
+            dtheta = self.theta0 * _derivative(scene.initial.temperature_modes, y, length)
+            scale = float(kernel @ (1 + b * du + displaced * b * b * dtheta / (2 * xx)))
+            yield _Weights(
+                weight=kernel * rho0 / scale,
+                mean=k.velocity_shift + u0 * e + xv / xx * displaced,
+                variance=vv,
+                log_scale=top + math.log(scale),
+            )
+
+    def _covariance(self, theta0: Array) -> tuple[Array, Array, Array]:
+        """Of what starts with temperature θ0: variance of x, covariance, and variance of v given x."""
+        k = self.spread
+        e, b = k.decay, k.drift_time
+        xx, xv = theta0 * b * b + k.displacement_variance, theta0 * b * e + k.covariance
+        # The determinant, expanded so that nothing cancels when the noise is weak.
+        determinant = theta0 * (b * b * k.velocity_variance + e * e * k.displacement_variance - 2 * b * e * k.covariance) + (
+            k.displacement_variance * k.velocity_variance - k.covariance**2
+        )
+        return xx, xv, np.maximum(determinant, 0.0) / xx
+
+    def _spacing(self, theta: float) -> float:
+        """Between nodes: π over the integrand's bandwidth, that of its narrowest Gaussian, of ρ0's waves and of exp(SΦ0)."""
+        start = self.scene.initial
+        xx, xv, vv = (float(value) for value in self._covariance(np.asarray(theta)))
+        precision = 1 / xx + ((xv / xx) ** 2 / vv if vv > 0 else 0.0)
+        modes = (*start.modes, *start.velocity_modes, *start.temperature_modes)
+        k_max = 2 * math.pi / self.scene.pipe.length * max((m.mode for m in modes), default=0)
+        return math.pi / (9 * math.sqrt(precision) + 6 * k_max + 6 * self.scene.cross_section * self._rho_max)
+
+    def _nodes(self, low: float, high: float, spacing: float) -> tuple[Array, Array]:
+        """Nodes and weights in y: the trapezoidal rule (spectrally accurate: the integrand is smooth and vanishes at both
+        ends), or, with a density step, Gauss-Legendre panels between the jumps."""
+        step, length = self.scene.initial.step, self.scene.pipe.length
+        if step is None:
+            count = math.ceil((high - low) / spacing)
+            return low + spacing * np.arange(count + 1), np.full(count + 1, spacing)
+        periods = np.arange(math.floor(low / length), math.ceil(high / length) + 1)
+        jumps = np.concatenate([length * (periods + step.start), length * (periods + step.end)])
+        edges = np.unique(np.concatenate([[low, high], jumps[(jumps > low) & (jumps < high)]]))
+        abscissae, gauss = np.polynomial.legendre.leggauss(20)
+        nodes, weights = [], []
+        for a, z in itertools.pairwise(edges):
+            panels = max(1, math.ceil((z - a) / (10 * spacing)))
+            half = (z - a) / panels / 2
+            centres = a + half * (2 * np.arange(panels) + 1)
+            nodes.append((centres[:, None] + half * abscissae).ravel())
+            weights.append(np.tile(half * gauss, panels))
+        return np.concatenate(nodes), np.concatenate(weights)
+
+    def _along_characteristics(self, x: float, v: Array, log_scale: float) -> Array:
+        """Without noise a particle at (x, v) has one starting point; f there, times exp(S(Φ0 - Φ))/e."""
+        k = self.spread
+        v0 = (v - k.velocity_shift) / k.decay
+        y = x - k.drift_time * v0 - k.displacement_shift
+        rho, u, theta = self._start(y)
+        exponent = self.scene.cross_section * initial.density_integral(self.scene, y) - log_scale
+        f0 = rho / np.sqrt(2 * np.pi * theta)
+        return f0 * np.exp(exponent - (v0 - u) ** 2 / (2 * theta)) / k.decay
+
+
+@dataclass(frozen=True)
+class _Weights:
+    """f(x, ·) as Σ weight N(v; mean, variance), and log E(x)."""
+
+    weight: Array
+    mean: Array
+    variance: Array
+    log_scale: float
+
+    def mixture(self, v: Array) -> Array:
+        """Σ weight N(v; mean, variance) at every v; where that is many narrow terms, those within SIGMAS of v."""
+        height = self.weight / np.sqrt(2 * np.pi * self.variance)
+        if self.mean.size < MANY:
+            distance = v[:, None] - self.mean[None, :]
+            return np.asarray(np.exp(-(distance**2) / (2 * self.variance)) @ height)
+        order = np.argsort(self.mean, kind="stable")
+        mean, variance, height = self.mean[order], self.variance[order], height[order]
+        reach = SIGMAS * math.sqrt(float(variance.max()))
+        near = zip(np.searchsorted(mean, v - reach).tolist(), np.searchsorted(mean, v + reach).tolist(), v.tolist(), strict=True)
+        return np.array([np.exp(-((u - mean[a:b]) ** 2) / (2 * variance[a:b])) @ height[a:b] for a, b, u in near])
+
+
+def _derivative(modes: Modes, y: Array, length: float) -> Array:
+    """d/dy of the Fourier sum."""
+    total = np.zeros_like(y)
+    for m in modes:
+        k = 2 * np.pi * m.mode / length
+        total += k * (m.sin * np.cos(k * y) - m.cos * np.sin(k * y))
+    return total

@@ -1,0 +1,91 @@
+"""The scene's conventions for density, mean velocity and temperature over x at time 0."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kinetic_solver.arrays import Array
+from kinetic_solver.scene import INELASTIC, Scene, fourier_sum
+from kinetic_solver.stability.homogeneous import HomogeneousState, homogeneous_state
+
+
+def start_state(scene: Scene) -> tuple[float, float]:
+    """(u0, θ0): the scene's own where given, else the homogeneous state's.
+
+    Where that does not exist, the mean velocity is g/γ (0 for γ = 0), and the temperature σ (1 for σ = 0).
+    """
+    start, model = scene.initial, scene.model
+    u0, theta0 = start.mean_velocity, start.temperature
+    if u0 is None and theta0 is not None and scene.operator == INELASTIC and model.friction * model.noise > 0:
+        u0 = model.gravity / model.friction  # known without solving for the temperature
+    if u0 is None or theta0 is None:
+        state = homogeneous_state(scene)
+        if state is None:
+            terminal = model.gravity / model.friction if model.friction > 0 else 0.0
+            state = HomogeneousState(terminal, model.noise if model.noise > 0 else 1.0, 0.0, 0.0)
+        u0 = state.mean_velocity if u0 is None else u0
+        theta0 = state.temperature if theta0 is None else theta0
+    return u0, theta0
+
+
+def density(scene: Scene, x: ArrayLike) -> Array:
+    """ρ0(x), of the shape of x; its mean over the pipe is `initial.density`."""
+    start = scene.initial
+    x = np.asarray(x, dtype=float)
+    if start.step is None:
+        return start.density * (1 + fourier_sum(start.density_modes, x, scene.pipe.length))
+    place = np.mod(x / scene.pipe.length, 1.0)
+    inside = (place >= start.step.start) & (place < start.step.end)
+    return _outer_density(scene) * np.where(inside, start.step.ratio, 1.0)
+
+
+def resolved_density(scene: Scene, x: Array) -> Array:
+    """ρ0 as a grid can carry it, on the points of a period: a step cut off after the last Fourier mode, not sampled.
+
+    Samples of a jump misplace it by up to dx, in the mass as in every wave; the cut leaves all waves that the grid holds exact.
+    """
+    step, n = scene.initial.step, x.size
+    if step is None:
+        return density(scene, x)
+    k = 2 * np.pi * np.arange(1, n // 2 + 1)
+    waves = np.empty(n // 2 + 1, dtype=complex)
+    waves[0] = scene.initial.density
+    jump = (step.ratio - 1) * _outer_density(scene)
+    waves[1:] = jump * (np.exp(-1j * k * step.start) - np.exp(-1j * k * step.end)) / (1j * k)
+    return np.fft.irfft(waves * n, n=n)
+
+
+def _outer_density(scene: Scene) -> float:
+    """The density outside the step."""
+    step = scene.initial.step
+    assert step is not None
+    return scene.initial.density / (1 + (step.ratio - 1) * (step.end - step.start))
+
+
+def mean_velocity(scene: Scene, x: ArrayLike, base: float) -> Array:
+    """u0(x) = base + Σ velocity_modes."""
+    return base + fourier_sum(scene.initial.velocity_modes, x, scene.pipe.length)
+
+
+def temperature(scene: Scene, x: ArrayLike, base: float) -> Array:
+    """θ0(x) = base·(1 + Σ temperature_modes)."""
+    return base * (1 + fourier_sum(scene.initial.temperature_modes, x, scene.pipe.length))
+
+
+def density_integral(scene: Scene, y: ArrayLike) -> Array:
+    """Φ0(y) = ∫_0^y ρ0, ρ0 continued periodically: its linear part is included. Any real y."""
+    start, length = scene.initial, scene.pipe.length
+    y = np.asarray(y, dtype=float)
+    if start.step is not None:
+        periods = np.floor(y / length)
+        place = y / length - periods
+        inside = np.clip(place - start.step.start, 0.0, start.step.end - start.step.start)
+        outer = _outer_density(scene)
+        return length * (start.density * periods + outer * (place + (start.step.ratio - 1) * inside))
+    total = y.copy()
+    for m in start.density_modes:
+        k = 2 * np.pi * m.mode / length
+        # 1 - cos = 2 sin²(./2), without cancellation at small y
+        total += (m.cos * np.sin(k * y) + m.sin * 2 * np.sin(k * y / 2) ** 2) / k
+    return start.density * total

@@ -1,6 +1,0 @@
-"""Operator (6) without time-step error: the nonlinear equation is linear after a change of variables, and is stepped there."""
-
-from kinetic_solver.linearised.grid import GridLinearisedStep
-from kinetic_solver.linearised.hermite import HermiteLinearisedStep
-
-__all__ = ["GridLinearisedStep", "HermiteLinearisedStep"]

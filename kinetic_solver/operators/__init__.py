@@ -1,0 +1,1 @@
+"""The parts of equation (2) as substeps and rates: transport, drift-diffusion, collisions, and what of them is exact together."""

@@ -1,0 +1,70 @@
+"""Real Fourier transforms along x (axis 0): the one module that imports pyfftw.
+
+Plans are made with FFTW_ESTIMATE, which depends on the shape alone: the same input gives the same bits in every process
+(measured plans do not). One thread each; the caller parallelises over other axes if it wants to.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinetic_solver.arrays import Array
+
+
+def derivative(field: Array, k: Array) -> Array:
+    """∂/∂x along axis 0 of a periodic field of any rank; its sum over x vanishes. k: `PhaseSpaceGrid.wavenumbers` of the grid.
+
+    The derivative of the Nyquist cosine (even nx) vanishes on the grid.
+    """
+    n = field.shape[0]
+    factor = 1j * k
+    if n % 2 == 0:
+        factor[-1] = 0.0
+    return np.fft.irfft(factor.reshape(-1, *[1] * (field.ndim - 1)) * np.fft.rfft(field, axis=0), n=n, axis=0)
+
+
+def integral_spectrum(field: Array, k: Array) -> NDArray[np.complex128]:
+    """rfft of the periodic antiderivative of field - mean(field), of mean 0; shape (nx//2 + 1,)."""
+    spectrum = np.fft.rfft(field)
+    spectrum[0] = 0.0
+    spectrum[1:] /= 1j * k[1:]
+    return spectrum
+
+
+class RealTransform:
+    """Forward and inverse transform along axis 0 of arrays of shape (nx, columns), with buffers of its own.
+
+    `forward` returns a view of an internal buffer of shape (nx//2 + 1, columns), to be changed in place; `inverse`
+    transforms what that buffer holds and returns a new array. Not thread-safe.
+    """
+
+    def __init__(self, nx: int, columns: int) -> None:
+        pyfftw = _pyfftw()
+        self._real = pyfftw.empty_aligned((nx, columns), dtype="float64")
+        self.spectrum = pyfftw.empty_aligned((nx // 2 + 1, columns), dtype="complex128")
+        flags = ("FFTW_ESTIMATE",)
+        self._forward: Callable[[], Any] = pyfftw.FFTW(self._real, self.spectrum, axes=(0,), flags=flags)
+        backward = pyfftw.FFTW(self.spectrum, self._real, axes=(0,), direction="FFTW_BACKWARD", flags=flags)
+        self._inverse: Callable[[], Any] = functools.partial(backward, normalise_idft=False)
+
+    def forward(self, f: Array) -> NDArray[np.complex128]:
+        self._real[:] = f
+        self._forward()
+        return self.spectrum
+
+    def inverse(self) -> Array:
+        self._inverse()
+        # Divided, not multiplied by the rounded 1/nx, whose error would add up: 1e-16 of the mass with every transform.
+        return self._real / self._real.shape[0]
+
+
+@functools.cache
+def _pyfftw() -> Any:
+    import pyfftw
+
+    return pyfftw

@@ -1,0 +1,194 @@
+"""Equation (2) with operator (6) in one exact step of any length, from any f on velocity points.
+
+With Φ_x = ρ, Φ_t = -ρu and f = F exp(-SΦ), F obeys (2) without collisions (docs/theory.md, "exactly linearisable"), so every
+part of the exact linear step (linear.py) is an exact part of the nonlinear one. What a part does to Φ follows from
+E = exp(SΦ), E_x = S∫F dv. There is no splitting and no error in time; what is left is how well the grid resolves f.
+
+exp(SΦ) spans many decades, and a Fourier transform in x is accurate relative to the largest value only. So there are two gauges:
+
+- global: F's periodic part, W f with W = exp(S·periodic part of Φ), takes one linear step with the growth Sρ̄ (a Bloch factor).
+  Round-off is ε·max W/min W.
+- local: f itself is shifted, then multiplied by exp(S[Φ(x - d) - Φ(x)]), which is moderate. No transform ever sees W. To
+  avoid diffusion in x, which would, the linear step is composed of three transports and two kernels (`transport_times`), each of
+  which is a physical, nonlinear substep. Three to eight times dearer; round-off of a few ε times what (6) itself amplifies.
+
+Tests: tests/exact/test_linearised_grid.py.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import OrderedDict
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinetic_solver.arrays import Array
+from kinetic_solver.errors import LostAccuracy
+from kinetic_solver.grid import PhaseSpaceGrid
+from kinetic_solver.operators.fourier import RealTransform, derivative, integral_spectrum
+from kinetic_solver.operators.linear import LinearStep
+from kinetic_solver.operators.linearised.ratio import GaugeRatio
+from kinetic_solver.operators.transport import resolved_waves, shift_phases
+from kinetic_solver.operators.velocity import DriftDiffusion
+from kinetic_solver.scene import Model
+from kinetic_solver.theory.ornstein_uhlenbeck import transition, transport_times
+
+ROUND_OFF = float(np.finfo(float).eps)
+
+
+@dataclass(frozen=True)
+class Lifted:
+    """f, or in the global gauge F's periodic part up to a constant factor; (nx, nv)."""
+
+    values: Array
+    is_global: bool
+
+
+class GridLinearisedStep:
+    """f of shape (nx, nv) → f(t + h), for operator (6) and any h: `lower(propagate(lift(f), h))`.
+
+    In the global gauge `propagate` is linear, and many are as good as one. Mass is conserved to round-off by construction: f
+    takes its density in flux form, ρ' = ρ + ∂_x(log η)/S with η = E'/E. `density_defect` is the largest difference so far, over
+    max ρ, between it and the sum over f that it replaces: it vanishes where x is resolved, and measures the error elsewhere.
+    `tolerance` decides between the gauges: the global one is used where its round-off stays below.
+    Raises LostAccuracy where E is not positive, or not a number.
+    """
+
+    name = "linearised"
+    _TABLES = 8
+
+    def __init__(
+        self, grid: PhaseSpaceGrid, model: Model, cross_section: float, drift_diffusion: DriftDiffusion, tolerance: float
+    ) -> None:
+        self.grid = grid
+        self.model = model
+        self.cross_section = cross_section
+        self.drift_diffusion = drift_diffusion
+        self.tolerance = tolerance
+        self.density_defect = 0.0
+        self._mean_density = 0.0
+        self._growing: LinearStep | None = None
+        self._transform = RealTransform(grid.nx, grid.nv)
+        self._shifts: OrderedDict[float, _LocalTables] = OrderedDict()
+        self._keep = resolved_waves(grid)
+        self._ratio = GaugeRatio(grid, cross_section)
+
+    def __call__(self, f: Array, h: float) -> Array:
+        return self.lower(self.propagate(self.lift(f), h))
+
+    def gauge_range(self, f: Array) -> float:
+        """S·(max - min) of the periodic part of Φ: the logarithm of max W/min W."""
+        return float(np.ptp(self._potential(f.sum(axis=1) * self.grid.dv))) * self.cross_section
+
+    def lift(self, f: Array) -> Lifted:
+        density = f.sum(axis=1) * self.grid.dv
+        mean = float(density.mean())
+        if not (np.isfinite(f).all() and mean > 0):
+            raise LostAccuracy("f is not a distribution any more")
+        phi = self.cross_section * self._potential(density)
+        if ROUND_OFF * math.exp(min(float(np.ptp(phi)), 700.0)) > self.tolerance:
+            return Lifted(f, is_global=False)
+        if self._growing is None or not math.isclose(mean, self._mean_density, rel_tol=1e-12):
+            self._mean_density = mean
+            self._growing = LinearStep(self.grid, self.model, self.drift_diffusion, growth=self.cross_section * mean)
+        spectrum = self._transform.forward(f * np.exp(phi - phi.max())[:, None])
+        spectrum *= self._keep[:, None]
+        return Lifted(self._transform.inverse(), is_global=True)
+
+    def propagate(self, lifted: Lifted, h: float) -> Lifted:
+        # Whatever goes wrong inside shows as a density that is not a positive number, which is looked for.
+        with np.errstate(all="ignore"):
+            if lifted.is_global:
+                assert self._growing is not None
+                values = self._growing(lifted.values, h)
+                return Lifted(values / values.max(), is_global=True)
+            tables = self._table(h)
+            f = self._transported(lifted.values, tables.outer) @ tables.kernel_t
+            f = self._transported(f, tables.inner) @ tables.kernel_t
+            # The range of Φ only shrinks: once it allows the global gauge, that takes over.
+            return self.lift(self._transported(f, tables.outer))
+
+    def lower(self, lifted: Lifted) -> Array:
+        if not lifted.is_global:
+            return lifted.values
+        s, mean, k = self.cross_section, self._mean_density, self.grid.wavenumbers
+        with np.errstate(all="ignore"):
+            n = lifted.values.sum(axis=1) * self.grid.dv
+            # E = W exp(Sρ̄x) times a constant, and E_x = S n exp(Sρ̄x)
+            w = np.fft.irfft(s * np.fft.rfft(n) / (s * mean + 1j * k), n=self.grid.nx)
+            return self._with_density(lifted.values, n, w, mean + derivative(np.log(w), k) / s)
+
+    def _potential(self, density: Array) -> Array:
+        return np.fft.irfft(integral_spectrum(density, self.grid.wavenumbers), n=self.grid.nx)
+
+    def _transported(self, f: Array, shift: _Shift) -> Array:
+        """Transport by the displacements d(v), with collisions."""
+        grid, s = self.grid, self.cross_section
+        density = f.sum(axis=1) * grid.dv
+        spectrum = self._transform.forward(f)
+        spectrum *= shift.phases
+        moved = self._transform.inverse()
+        np.multiply(np.fft.rfft(density)[:, None], shift.differences, out=self._transform.spectrum)
+        exponent = self._transform.inverse()
+        exponent -= density.mean() * shift.displacement
+        exponent *= s
+        moved *= np.exp(exponent, out=exponent)
+        n = moved.sum(axis=1) * grid.dv
+        eta = self._ratio(density, n)
+        new = density + derivative(np.log(eta), grid.wavenumbers) / s
+        return self._with_density(moved, n, eta, np.fft.irfft(np.fft.rfft(new) * self._keep, n=grid.nx))
+
+    def _with_density(self, f: Array, n: Array, e: Array, density: Array) -> Array:
+        """f/e, brought from its own density n/e to the one in flux form."""
+        top = float(density.max())
+        defect = float(np.abs(density - n / e).max()) / top
+        if not (np.isfinite(defect) and e.min() > 0 and n.min() > 0):
+            raise LostAccuracy("the exactly linearised step of operator (6) lost its accuracy")
+        self.density_defect = max(self.density_defect, defect)
+        return f * (density / n)[:, None]
+
+    def _table(self, h: float) -> _LocalTables:
+        if h not in self._shifts:
+            self._shifts[h] = self._make(h)
+            if len(self._shifts) > self._TABLES:
+                self._shifts.popitem(last=False)
+        self._shifts.move_to_end(h)
+        return self._shifts[h]
+
+    def _make(self, h: float) -> _LocalTables:
+        whole, half = transition(self.model, h), transition(self.model, h / 2)
+        a, b = transport_times(self.model.friction, h)
+        # Gravity acts within the kernels; the displacement that these transports miss is the same for all velocities.
+        rest = whole.displacement_shift - b * half.velocity_shift - a * whole.velocity_shift
+        kernel_t = np.ascontiguousarray(self.drift_diffusion.matrix(h / 2).T)
+        outer = _shift(self.grid, a * self.grid.v)
+        inner = _shift(self.grid, b * self.grid.v + rest)
+        return _LocalTables(outer, inner, kernel_t)
+
+
+@dataclass(frozen=True)
+class _Shift:
+    displacement: Array
+    """d(v), (nv,)."""
+    phases: NDArray[np.complex128]
+    """exp(-ikd), filtered, (nx//2 + 1, nv)."""
+    differences: NDArray[np.complex128]
+    """[exp(-ikd) - 1]/ik, filtered: from ρ's spectrum to that of the periodic part of Φ(x - d) - Φ(x)."""
+
+
+@dataclass(frozen=True)
+class _LocalTables:
+    outer: _Shift
+    inner: _Shift
+    kernel_t: Array
+
+
+def _shift(grid: PhaseSpaceGrid, displacement: Array) -> _Shift:
+    k = grid.wavenumbers
+    keep = resolved_waves(grid)
+    phases = shift_phases(grid, displacement)
+    differences = np.zeros_like(phases)
+    differences[1:] = (phases[1:] - 1) / (1j * k[1:, None])
+    return _Shift(displacement, phases * keep[:, None], differences * keep[:, None])

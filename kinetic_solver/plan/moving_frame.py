@@ -1,0 +1,89 @@
+"""The frame of reference in which a scene is solved. Gravity, and friction without noise, are changes of coordinates.
+
+With x = y + X(t), v = U(t) + λ(t) w and f(x, v, t) = F(y, w, s)/λ, where U' = g - γU and X' = U:
+
+- U alone (λ = 1, s = t) takes gravity out of (2): F obeys it with g = 0. Both operators depend on differences of velocity only.
+- Where γσ = 0, λ = exp(-γt) and ds = λ dt take friction out as well, since both operators grow in proportion to the velocities:
+  F obeys (2) with g = γ = σ = 0, transport and collisions alone.
+
+So a flow that gravity carries away needs no wider velocity window, and one that nothing heats no finer dv as it cools.
+Test: tests/exact/test_frame.py.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from kinetic_solver.initial import start_state
+from kinetic_solver.scene import Model, Run, Scene
+from kinetic_solver.theory.ornstein_uhlenbeck import transition
+
+
+@dataclass(frozen=True)
+class Place:
+    """The frame at one instant."""
+
+    time: float
+    """t."""
+    position: float
+    """X."""
+    velocity: float
+    """U."""
+    scale: float
+    """λ."""
+
+    def totals(self, totals: tuple[float, float, float]) -> tuple[float, float, float]:
+        """(mass, momentum, energy) of f from those of F."""
+        mass, p, energy = totals
+        u, scale = self.velocity, self.scale
+        return mass, u * mass + scale * p, u * u / 2 * mass + u * scale * p + scale**2 * energy
+
+    def rates(self, rates: tuple[float, float]) -> tuple[float, float]:
+        """Rates of momentum and energy by collisions, by the scene's time, from those of F by the frame's clock."""
+        p, energy = rates
+        return self.scale**2 * p, self.velocity * self.scale**2 * p + self.scale**3 * energy
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A frame that starts with velocity `start`; at rest in the laboratory where `moving` is False."""
+
+    model: Model
+    moving: bool = False
+    start: float = 0.0
+
+    @property
+    def noiseless(self) -> bool:
+        """True where the frame takes friction out."""
+        return self.moving and self.model.friction * self.model.noise == 0
+
+    def clock(self, time: float) -> float:
+        """s at the time t."""
+        return transition(self.model, time).drift_time if self.noiseless else time
+
+    def place(self, clock: float) -> Place:
+        """The frame when its clock shows s."""
+        if not self.moving:
+            return Place(clock, 0.0, 0.0, 1.0)
+        time, friction = clock, self.model.friction
+        if self.noiseless and friction > 0:
+            time = -math.log1p(-friction * clock) / friction
+        step = transition(self.model, time)
+        return Place(
+            time,
+            self.start * step.drift_time + step.displacement_shift,
+            self.start * step.decay + step.velocity_shift,
+            step.decay if self.noiseless else 1.0,
+        )
+
+    def scene(self, scene: Scene) -> Scene:
+        """`scene` as it looks in this frame, by this frame's clock."""
+        if not self.moving:
+            return scene
+        u0, theta0 = start_state(scene)
+        model = Model() if self.noiseless else scene.model
+        model = model.model_copy(update={"gravity": 0.0, **({"friction": 0.0, "noise": 0.0} if self.noiseless else {})})
+        initial = scene.initial.model_copy(update={"mean_velocity": u0 - self.start, "temperature": theta0})
+        end = self.clock(scene.run.end_time)
+        return scene.model_copy(update={"model": model, "initial": initial, "run": Run(end_time=end)})

@@ -1,0 +1,50 @@
+"""What is simulated: the tables of a scene, the scene they make, how it is read, and when anything of it is written.
+
+Data only, validated and immutable; nothing is computed here. A scene is read from TOML (`Scene.from_toml`) or built from the
+same keys in Python (`Scene.model_validate`). Units are the user's own; they must be consistent (length, time, number of
+particles). Symbols and conventions: docs/theory.md; equation numbers are those of the paper cited there.
+"""
+
+from kinetic_solver.scene.scene import Groups, Scene
+from kinetic_solver.scene.schedule import Schedule
+from kinetic_solver.scene.tables import (
+    FOLLOW_LEADER,
+    INELASTIC,
+    Accuracy,
+    Deposit,
+    DriftDiffusionScheme,
+    Grid,
+    Mode,
+    Model,
+    Modes,
+    Output,
+    Run,
+    SteppingScheme,
+    VelocityScheme,
+    fourier_sum,
+    shorten,
+)
+from kinetic_solver.scene.toml import one_line, parse_override
+
+__all__ = [
+    "FOLLOW_LEADER",
+    "INELASTIC",
+    "Accuracy",
+    "Deposit",
+    "DriftDiffusionScheme",
+    "Grid",
+    "Groups",
+    "Mode",
+    "Model",
+    "Modes",
+    "Output",
+    "Run",
+    "Scene",
+    "Schedule",
+    "SteppingScheme",
+    "VelocityScheme",
+    "fourier_sum",
+    "one_line",
+    "parse_override",
+    "shorten",
+]

@@ -1,0 +1,292 @@
+"""The tables of a scene, as validated, frozen data; one class a table of the TOML. No numerics happen here.
+
+Unknown keys are refused, with the nearest known name suggested.
+"""
+
+from __future__ import annotations
+
+import difflib
+import warnings
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+
+from kinetic_solver.arrays import Array
+
+MOST_FRAMES = 1_000_000
+"""Of any cadence: more are asked for by a slip of the pen."""
+FOLLOW_LEADER = "follow-the-leader"
+"""The collision operator (6)."""
+INELASTIC = "inelastic"
+"""The collision operator (12)."""
+
+Operator = Literal["follow-the-leader", "inelastic"]
+VelocityScheme = Literal["points", "hermite"]
+SteppingScheme = Literal["exact", "extrapolated", "strang"]
+DriftDiffusionScheme = Literal["kernel", "finite-volume-8", "finite-volume"]
+Deposit = Literal["linear", "cubic", "quintic"]
+
+Real = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Positive = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0)]
+NonNegative = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0)]
+Count = Annotated[int, Field(strict=True, ge=1)]
+ModeNumber = Annotated[int, Field(strict=True, ge=1, le=10_000)]
+Fraction = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0, le=1)]
+
+
+def shorten(value: Any) -> str:
+    """repr, cut to the length of a message."""
+    text = repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+class Table(BaseModel):
+    """Frozen; refuses keys that it does not know."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", populate_by_name=True)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _refuse_unknown_keys(cls, data: Any) -> Any:
+        if isinstance(data, dict):
+            known = {field.alias or name for name, field in cls.model_fields.items()} | set(cls.model_fields)
+            for key in data:
+                if key not in known:
+                    near = difflib.get_close_matches(str(key), sorted(known), n=1, cutoff=0.5)
+                    hint = f"did you mean {near[0]!r}?" if near else "allowed: " + ", ".join(sorted(known))
+                    raise ValueError(f"unknown key {key!r} = {shorten(data[key])}; {hint}")
+        return data
+
+
+class Model(Table):
+    """Coefficients of the Langevin equation (1): dv = (g - γ v) dt + √(2σγ) dW."""
+
+    gravity: Real = 0.0
+    """g, an acceleration [length/time²]; any sign."""
+    friction: NonNegative = 1.0
+    """γ [1/time]."""
+    noise: NonNegative = 1.0
+    """σ, a velocity variance [length²/time²]: the temperature that friction and noise alone sustain."""
+
+
+class Collisions(Table):
+    """A binary collision operator: (6) "follow-the-leader" or (12) "inelastic"."""
+
+    operator: Operator
+    cross_section: NonNegative
+    """S_C, dimensionless: the probability that an encounter is a collision (per particle that a simulated one stands for)."""
+    restitution: Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0, le=1)] | None = None
+    """ε of (11), from 0 (sticking) to 1 (elastic); required by, and only for, "inelastic"."""
+
+    @model_validator(mode="after")
+    def _restitution_belongs_to_inelastic(self) -> Collisions:
+        if self.operator == INELASTIC and self.restitution is None:
+            raise ValueError('restitution is missing; operator "inelastic" needs a number from 0 to 1')
+        if self.operator == FOLLOW_LEADER and self.restitution is not None:
+            raise ValueError(f'restitution = {self.restitution} is given, but operator "follow-the-leader" has none; remove it')
+        return self
+
+
+class Pipe(Table):
+    length: Positive
+    """L, the period of the pipe [length]."""
+
+
+class Mode(Table):
+    """cos·cos(2π mode x/L) + sin·sin(2π mode x/L)."""
+
+    mode: ModeNumber
+    cos: Real = 0.0
+    sin: Real = 0.0
+
+
+class Eigenmode(Mode):
+    """A wave of the shape that a branch of the linearised equation has in v (docs/stability.md), of this relative density."""
+
+    branch: Annotated[int, Field(strict=True, ge=0, le=20)] = 0
+    """0 decays most slowly, 1 next, …"""
+
+
+class DensityStep(Table):
+    """A density step: `ratio` times the outer density between the fractions `from` and `to` of L; the mean stays the scene's."""
+
+    start: Fraction = Field(alias="from")
+    end: Fraction = Field(alias="to")
+    ratio: NonNegative
+
+    @model_validator(mode="after")
+    def _ordered(self) -> DensityStep:
+        if not self.start < self.end:
+            raise ValueError(f"step from = {self.start}, to = {self.end}: 'from' must be less than 'to'")
+        return self
+
+
+Modes = tuple[Mode, ...]
+
+
+def fourier_sum(modes: Modes, x: ArrayLike, length: float) -> Array:
+    """Σ cos·cos(2π mode x/L) + sin·sin(2π mode x/L), with the shape of `x`."""
+    x = np.asarray(x, dtype=float)
+    total = np.zeros(x.shape)
+    for m in modes:
+        phase = 2 * np.pi * m.mode * x / length
+        total += m.cos * np.cos(phase) + m.sin * np.sin(phase)
+    return total
+
+
+def _minimum(modes: Modes) -> float:
+    """The least value of the Fourier sum, on a grid fine enough (64 points a wavelength) to be within 0.2 % of its swing."""
+    if not modes:
+        return 0.0
+    n = 64 * max(m.mode for m in modes)
+    return float(fourier_sum(modes, np.arange(n) / n, 1.0).min())
+
+
+class Initial(Table):
+    """The state at time 0: a Maxwellian in v at every x, or f (or particles) from a netCDF file."""
+
+    density: Positive = 1.0
+    """Mean density ρ̄ [particles/length]."""
+    modes: Modes = ()
+    """Relative Fourier amplitudes of the density."""
+    step: DensityStep | None = None
+    """A step profile instead of `modes`."""
+    mean_velocity: Real | None = None
+    """u0; None means the homogeneous state's."""
+    temperature: Positive | None = None
+    """θ0, a velocity variance; None means the homogeneous state's."""
+    velocity_modes: Modes = ()
+    """Absolute Fourier amplitudes added to the mean velocity."""
+    temperature_modes: Modes = ()
+    """Relative Fourier amplitudes of the temperature."""
+    eigenmodes: tuple[Eigenmode, ...] = ()
+    """Eigenmodes on the homogeneous state, instead of all the above but `density`."""
+    file: str | None = None
+    """A netCDF file to start from, instead of all the above (density still sets the scene's groups)."""
+
+    @property
+    def density_modes(self) -> Modes:
+        """The relative Fourier amplitudes of the density, whatever it is that has them."""
+        return (*self.modes, *self.eigenmodes)
+
+    def _given(self, besides: set[str]) -> list[str]:
+        """The keys that say something, those of a scene written by a run included."""
+        return sorted(key for key in self.model_fields_set - besides if getattr(self, key) not in (None, ()))
+
+    @model_validator(mode="after")
+    def _physical(self) -> Initial:
+        if self.modes and self.step is not None:
+            raise ValueError("modes and step are both given; allowed: one of them")
+        if self.step is not None and self.step.ratio == 0 and self.step.end - self.step.start == 1:
+            raise ValueError("step from = 0, to = 1, ratio = 0 leaves no particles; allowed: ratio > 0, or a part of the pipe")
+        if self.eigenmodes:
+            clash = self._given({"eigenmodes", "density"})
+            if clash:
+                raise ValueError(f"eigenmodes are given together with {', '.join(clash)}; allowed: with density alone")
+        if (low := 1 + _minimum(self.density_modes)) < -1e-12:
+            which = "eigenmodes" if self.eigenmodes else "modes"
+            raise ValueError(f"{which} make the density negative (minimum {low:.4g} times the mean); reduce their amplitudes")
+        if (low := 1 + _minimum(self.temperature_modes)) <= 0:
+            raise ValueError(
+                f"temperature_modes make the temperature negative or zero (minimum {low:.4g} times the mean); "
+                "reduce their amplitudes"
+            )
+        if self.file is not None:
+            clash = self._given({"file", "density"})
+            if clash:
+                raise ValueError(f"file is given together with {', '.join(clash)}; a file replaces them")
+        return self
+
+
+class Run(Table):
+    end_time: Positive
+    output_every: Positive | None = None
+    """Frames at 0, every output_every, and end_time; None means end_time."""
+
+    @model_validator(mode="after")
+    def _countable(self) -> Run:
+        if self.output_every is not None and self.end_time / self.output_every > MOST_FRAMES:
+            raise ValueError(
+                f"output_every = {self.output_every:g} makes more than {MOST_FRAMES} frames until end_time; raise it"
+            )
+        return self
+
+
+Cadence = Annotated[bool, Field(strict=True)] | Positive
+
+
+class Output(Table):
+    """What is written, and how often: false (never), true (every `run.output_every`), or a time interval of its own."""
+
+    f: Cadence = True
+    """f(x, v)."""
+    moments: Cadence = True
+    """Density, mean velocity, temperature and heat flux over x, and the velocity distribution w(v)."""
+    scalars: Cadence = True
+    """Mass, momentum and energy; minimum of f; what touches the window's edges; resolution."""
+    budgets: Cadence = True
+    """Rates of momentum and energy by term, what each term has brought since time 0, and the residual."""
+    moment_equations: Cadence = False
+    """Every term of the moment equations (3)-(5), with the heat-flux terms that the paper neglects."""
+    particles: Cadence = False
+    """Position and velocity of every particle; particles alone have them."""
+
+
+class Accuracy(Table):
+    rtol: Annotated[float, Field(strict=True, allow_inf_nan=False)] = 1e-4
+    """Wanted: max|Δf| ≤ rtol·max|f|. Chooses what [grid] leaves open."""
+
+    @model_validator(mode="after")
+    def _reachable(self) -> Accuracy:
+        if not 1e-10 <= self.rtol <= 0.1:
+            raise ValueError(f"rtol = {self.rtol:g}: allowed: 1e-10 to 0.1")
+        return self
+
+
+class Grid(Table):
+    """Discretisation. What is given is kept as given; the rest follows from rtol by the rules in docs/accuracy.md.
+
+    `time_step` is the longest step: exact steps, which gain nothing from it, may be shorter.
+    """
+
+    nx: Count | None = None
+    nv: Annotated[int, Field(strict=True, ge=8)] | None = None
+    velocity_window: tuple[Real, Real] | None = None
+    time_step: Positive | None = None
+    velocity: VelocityScheme | None = None
+    """How f depends on v: at points (the default; robust), or as nv Hermite functions about the homogeneous state."""
+    stepping: SteppingScheme | None = None
+    """In time: exact (no collisions, and operator (6)); high order with error control; or Strang's method, order 2."""
+    drift_diffusion: DriftDiffusionScheme | None = None
+    """Between velocity points: the exact Ornstein-Uhlenbeck kernel, or finite volumes of order 8 or 2 (positive)."""
+    deposit: Deposit | None = None
+    """How operator (12) places collision products between grid points; only "linear" is positive."""
+
+    @field_validator("velocity", mode="before")
+    @classmethod
+    def _old_word(cls, value: Any) -> Any:
+        if value != "finite-volume":
+            return value
+        warnings.warn("grid.velocity = 'finite-volume': is now called 'points'; it chooses no finite volumes", stacklevel=2)
+        return "points"
+
+    @model_validator(mode="after")
+    def _window(self) -> Grid:
+        if self.velocity_window is not None and not self.velocity_window[0] < self.velocity_window[1]:
+            low, high = self.velocity_window
+            raise ValueError(f"velocity_window = [{low}, {high}] is reversed or empty; the first number must be the smaller one")
+        return self
+
+
+class Particles(Table):
+    """The particle ensemble."""
+
+    count: Count = 100_000
+    """Simulated particles per replica; each stands for density·length/count real ones."""
+    cells: Count | None = None
+    time_step: Positive | None = None
+    seed: Annotated[int, Field(strict=True, ge=0, lt=2**63)] = 1
+    replicas: Count = 1
+    collisions: Literal["dsmc", "single-file"] = "dsmc"

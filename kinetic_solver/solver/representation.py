@@ -1,0 +1,189 @@
+"""How f is held while it is stepped: at velocity points (finite volumes) or as Hermite coefficients, behind one interface.
+
+What a run needs of either is the same: a start, point values for output, and the parts of (2) as substeps and rates.
+"""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+
+from kinetic_solver import initial
+from kinetic_solver.arrays import Array
+from kinetic_solver.initial import initial_state, start_state
+from kinetic_solver.operators.collisions import FollowLeader, FollowLeaderHermite, Inelastic, InelasticHermite
+from kinetic_solver.operators.collisions.protocol import CollisionRate
+from kinetic_solver.operators.linear import HermiteLinearStep, LinearStep
+from kinetic_solver.operators.linearised import GridLinearisedStep, HermiteLinearisedStep
+from kinetic_solver.operators.moments import totals
+from kinetic_solver.operators.velocity import (
+    DriftDiffusion,
+    FiniteVolume,
+    HermiteBasis,
+    HighOrderFiniteVolume,
+    OrnsteinUhlenbeckKernel,
+)
+from kinetic_solver.operators.velocity.kernel import resolution
+from kinetic_solver.plan import Plan
+from kinetic_solver.plan.rules import hermite_points
+from kinetic_solver.scene import FOLLOW_LEADER, Scene
+from kinetic_solver.stability.homogeneous import homogeneous_state
+from kinetic_solver.stepping import BaseMethod, Substep, lawson, strang
+
+
+class Representation(Protocol):
+    """A state is an array whose first axis is x."""
+
+    def start(self) -> Array:
+        """The state at time 0."""
+        ...
+
+    def points(self, state: Array) -> Array:
+        """f at the grid's points, (nx, nv)."""
+        ...
+
+    def totals(self, state: Array) -> tuple[float, float, float]:
+        """(mass, momentum, energy)."""
+        ...
+
+    @property
+    def linear(self) -> Substep:
+        """(2) without collisions over h, exact in time."""
+        ...
+
+    def linearised(self, tolerance: float) -> GridLinearisedStep | HermiteLinearisedStep:
+        """(2) with operator (6), exact in time."""
+        ...
+
+    def split(self) -> BaseMethod:
+        """The base method of the quadrature path: Strang where collisions have an exact substep, else Lawson."""
+        ...
+
+
+def make_representation(plan: Plan) -> Representation:
+    return HermiteCoefficients(plan) if plan.velocity == "hermite" else VelocityPoints(plan)
+
+
+class VelocityPoints:
+    """f(x_i, v_j) itself, (nx, nv); drift-diffusion as a matrix between the points."""
+
+    def __init__(self, plan: Plan) -> None:
+        self.plan = plan
+        self.linear: Substep = LinearStep(plan.grid, plan.inner.model, self._drift_diffusion())
+
+    def start(self) -> Array:
+        scene, grid = self.plan.inner, self.plan.grid
+        density = initial.resolved_density(scene, grid.x)
+        f = initial_state(scene, grid, density)
+        if scene.initial.file is not None:
+            return f
+        # The sum over any window is the density: so the mass is the same on whatever grid a run goes on.
+        summed = f.sum(axis=1) * grid.dv
+        return f * np.divide(density, summed, where=summed != 0, out=np.ones_like(summed))[:, None]
+
+    def points(self, state: Array) -> Array:
+        return state
+
+    def totals(self, state: Array) -> tuple[float, float, float]:
+        return totals(self.plan.grid, state)
+
+    def linearised(self, tolerance: float) -> GridLinearisedStep:
+        scene, grid = self.plan.inner, self.plan.grid
+        drift_diffusion = self._drift_diffusion()
+        if self.plan.drift_diffusion == "kernel":
+            # Steps too short for the kernel are not built upon (stepping.ExactSteps), so its band-limited form will do for them.
+            drift_diffusion = OrnsteinUhlenbeckKernel(grid, scene.model, resolution=resolution(scene.accuracy.rtol))
+        return GridLinearisedStep(grid, scene.model, scene.cross_section, drift_diffusion, tolerance)
+
+    def split(self) -> BaseMethod:
+        operator = collision_operator(self.plan)
+        assert isinstance(operator, FollowLeader | Inelastic)
+        if self.plan.stepping == "strang" or isinstance(operator, FollowLeader):
+            return strang(operator, self.linear)
+        return lawson(operator.rate, self.linear)
+
+    def _drift_diffusion(self) -> DriftDiffusion:
+        grid, model = self.plan.grid, self.plan.inner.model
+        if self.plan.drift_diffusion == "finite-volume":
+            return FiniteVolume(grid, model)
+        if self.plan.drift_diffusion == "finite-volume-8":
+            return HighOrderFiniteVolume(grid, model)
+        # Operator (6) amplifies errors in the slow tail: there a step too short for the kernel must stay accurate relative to f.
+        amplified = self.plan.inner.operator == FOLLOW_LEADER and model.friction * model.noise > 0
+        return OrnsteinUhlenbeckKernel(grid, model, HighOrderFiniteVolume(grid, model) if amplified else None)
+
+
+class HermiteCoefficients:
+    """Coefficients (nx, nv) of Hermite functions about the homogeneous state; the linear part in closed form."""
+
+    def __init__(self, plan: Plan) -> None:
+        self.plan = plan
+        self.basis = hermite_basis(plan.inner, plan.grid.nv)
+        self._values = self.basis.values(plan.grid.v)
+        self.linear: Substep = HermiteLinearStep(plan.grid, self.basis, plan.inner.model)
+
+    def start(self) -> Array:
+        scene, grid = self.plan.inner, self.plan.grid
+        if scene.initial.file is not None:
+            return self.basis.coefficients(initial.from_file(scene, grid.x, grid.v), grid.v)
+        u0, theta0 = start_state(scene)
+        if scene.initial.eigenmodes:
+            v = hermite_points(scene, self.basis, u0, theta0)
+            return self.basis.coefficients(initial.eigenmode_state(scene, grid.x, v, u0), v)
+        return self.basis.maxwellian(
+            initial.resolved_density(scene, grid.x),
+            initial.mean_velocity(scene, grid.x, u0),
+            initial.temperature(scene, grid.x, theta0),
+        )
+
+    def points(self, state: Array) -> Array:
+        return state @ self._values
+
+    def totals(self, state: Array) -> tuple[float, float, float]:
+        return self.basis.totals(state, self.plan.grid.dx)
+
+    def linearised(self, tolerance: float) -> HermiteLinearisedStep:
+        grid, scene = self.plan.grid, self.plan.inner
+        return HermiteLinearisedStep(
+            grid.length, grid.nx, self.basis, scene.model, scene.cross_section, scene.initial.density, tolerance
+        )
+
+    def split(self) -> BaseMethod:
+        scene = self.plan.inner
+        if scene.operator == FOLLOW_LEADER:
+            return lawson(FollowLeaderHermite(self.basis, scene.cross_section).rate, self.linear)
+        return lawson(InelasticHermite(self.basis, scene.cross_section, scene.restitution).rate, self.linear)
+
+
+def hermite_basis(scene: Scene, count: int) -> HermiteBasis:
+    """About the homogeneous state's mean velocity, with the noise's variance."""
+    state = homogeneous_state(scene)
+    assert state is not None
+    return HermiteBasis(state.mean_velocity, scene.model.noise, count)
+
+
+def collision_operator(plan: Plan) -> CollisionRate | None:
+    """The operator that the scene needs, for f on the plan's velocity points; None without collisions."""
+    scene = plan.inner
+    if scene.operator is None:
+        return None
+    if scene.operator == FOLLOW_LEADER:
+        return FollowLeader(plan.grid.v, scene.cross_section)
+    if plan.velocity == "hermite":
+        basis = hermite_basis(scene, plan.grid.nv)
+        return _AtPoints(InelasticHermite(basis, scene.cross_section, scene.restitution), plan.grid.v)
+    assert plan.deposit is not None
+    return Inelastic(plan.grid.v, scene.cross_section, scene.restitution, plan.deposit)
+
+
+class _AtPoints:
+    """Operator (12) in Hermite functions, for f on velocity points."""
+
+    def __init__(self, operator: InelasticHermite, velocity: Array) -> None:
+        self.operator, self.velocity = operator, velocity
+        self.name, self.conserves = operator.name, operator.conserves
+        self._values = operator.basis.values(velocity)
+
+    def rate(self, f: Array) -> Array:
+        return self.operator.rate(self.operator.basis.coefficients(f, self.velocity)) @ self._values

@@ -1,0 +1,56 @@
+"""Homogeneous stationary states.
+
+For (6) and without collisions the state is a Gaussian in closed form. For (12) it is not Gaussian and is solved for
+(inelastic.py): up to the velocity scale √σ it depends on ε and the collision number R* alone.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from kinetic_solver.scene import INELASTIC, Scene
+from kinetic_solver.stability.inelastic import inelastic_flow
+
+
+@dataclass(frozen=True)
+class HomogeneousState:
+    mean_velocity: float
+    """u_h."""
+    temperature: float
+    """θ_h, the velocity variance."""
+    kurtosis_excess: float
+    """a2 = ⟨w⁴⟩/(3θ²) - 1, w = v - u_h; 0 for a Gaussian."""
+    collision_rate: float
+    """S ρ⟨|v - v'|⟩ per particle."""
+
+
+def homogeneous_state(scene: Scene) -> HomogeneousState | None:
+    """The stationary state at the scene's mean density; None without both friction and noise: then there is none.
+
+    (6): exactly Gaussian, θ_h = σ, u_h = (g - Sρσ)/γ. (12): solved by Newton's method, θ_h to 1e-9
+    (tests/exact/test_homogeneous.py); raises SceneError should that not converge, as at R* = 1e6.
+    """
+    g, gamma, sigma = scene.model.gravity, scene.model.friction, scene.model.noise
+    if gamma * sigma == 0:
+        return None
+    rate = scene.cross_section * scene.initial.density
+    if scene.operator == INELASTIC:
+        theta, a2, distance = _inelastic(scene.restitution, rate * math.sqrt(sigma) / gamma)
+        return HomogeneousState(g / gamma, theta * sigma, a2, rate * distance * math.sqrt(sigma))
+    drag = rate * sigma if scene.operator else 0.0
+    return HomogeneousState((g - drag) / gamma, sigma, 0.0, rate * 2 * math.sqrt(sigma / math.pi))
+
+
+@functools.lru_cache(maxsize=256)
+def _inelastic(restitution: float, collision_number: float) -> tuple[float, float, float]:
+    """(θ, a2, ⟨|v - v'|⟩) of 0 = ∂(wf + ∂f) + R* C[f], γ = σ = S = ρ = 1, from its values on points."""
+    w, f, dw = inelastic_flow(restitution, collision_number).homogeneous
+    theta = float(w**2 @ f) * dw
+    kurtosis = float(w**4 @ f) * dw / (3 * theta**2) - 1
+    distance = float(f @ np.abs(w[:, None] - w[None, :]) @ f) * dw**2
+    # The kink of |v - v'| at 0 costs the plain sum dw²/6 ∫f²; the next correction is O(dw⁴).
+    return theta, kurtosis, distance + dw**2 / 6 * float(f @ f) * dw

@@ -1,0 +1,81 @@
+"""Base methods, and Richardson extrapolation of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from kinetic_solver.arrays import Array
+from kinetic_solver.stepping.protocol import BaseMethod, Rate, Substep
+
+
+def strang(outer: Substep, inner: Substep) -> BaseMethod:
+    """Strang's (1968) splitting outer(h/2) inner(h) outer(h/2); the outer half steps of neighbouring steps are done as one.
+
+    Order 2, error in even powers of h where both substeps are exact; positive where they are.
+    Test: tests/convergence/test_stepping.py.
+    """
+
+    def method(f: Array, interval: float, steps: int) -> Array:
+        h = interval / steps
+        f = outer(f, h / 2)
+        for _ in range(steps - 1):
+            f = outer(inner(f, h), h)
+        return outer(inner(f, h), h / 2)
+
+    return method
+
+
+def lawson(rate: Rate, linear: Substep) -> BaseMethod:
+    """The classical fourth-order Runge-Kutta method in Lawson's (1967) variable exp(-tL) f: the linear part L is exact.
+
+    Four rates and four linear half steps a step, none backwards in time. What rate and linear step both conserve is conserved to
+    round-off. Stable for steps below about 2.8/|the rate's eigenvalue|. Order 4. Test: tests/convergence/test_stepping.py.
+    """
+
+    def method(f: Array, interval: float, steps: int) -> Array:
+        h = interval / steps
+        for _ in range(steps):
+            k1 = rate(f)
+            f, k1 = linear(f, h / 2), linear(k1, h / 2)
+            k2 = rate(f + h / 2 * k1)
+            k3 = rate(f + h / 2 * k2)
+            k4 = rate(linear(f + h * k3, h / 2))
+            f = linear(f + h / 6 * k1 + h / 3 * (k2 + k3), h / 2) + h / 6 * k4
+        return f
+
+    return method
+
+
+class Extrapolated:
+    """Richardson extrapolation: results of a base method with `counts` steps, combined so that errors h^p, p in `powers`, cancel.
+
+    Strang's method with counts (1, 2, 3, 4) and powers (2, 4, 6) gives order 8, Lawson's with (1, 2) and (4,) order 5.
+    Positivity is lost by terms of the order of the error. Orders, two-sided: tests/convergence/test_stepping.py.
+    """
+
+    def __init__(self, base: BaseMethod, counts: Sequence[int] = (1,), powers: Sequence[int] = ()) -> None:
+        self.base = base
+        self.counts = tuple(counts)
+        self._weights = _weights(counts, powers)
+        self._lower = np.append(0.0, _weights(counts[1:], powers[:-1])) if powers else self._weights
+        self.lower_order = powers[-1] if powers else None
+        """Order of the estimate: the error of the result without the last cancellation."""
+
+    def step(self, f: Array, h: float) -> tuple[Array, float]:
+        """(f after h, the estimated max|error| of the next lower order; 0 where nothing is extrapolated)."""
+        finest = self.base(f, h, self.counts[-1])
+        best, lower = finest.copy(), np.zeros_like(f)
+        # Corrections to the finest result: what all results conserve stays, though the weights are rounded.
+        for n, weight, low in zip(self.counts[:-1], self._weights, self._lower, strict=False):
+            correction = self.base(f, h, n) - finest
+            best += weight * correction
+            lower += (weight - low) * correction
+        return best, float(np.abs(lower).max())
+
+
+def _weights(counts: Sequence[int], powers: Sequence[int]) -> Array:
+    """w with Σ w = 1 and Σ w n^(-p) = 0 for each power p."""
+    rows = [[float(n) ** -p for n in counts] for p in (0, *powers)]
+    return np.asarray(np.linalg.solve(rows, np.eye(len(counts))[0]))

@@ -1,0 +1,109 @@
+"""The Ornstein-Uhlenbeck process of (1): exact statistics of velocity and displacement over a time h, for any γ, σ ≥ 0.
+
+With e = exp(-γh), a velocity v becomes V = m + (v - m) e + noise, m = g/γ, while the displacement X is
+m h + (v - m)(1 - e)/γ + noise. The two noises are jointly Gaussian (Uhlenbeck and Ornstein 1930; Chandrasekhar 1943).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from kinetic_solver.scene import Model
+
+
+@dataclass(frozen=True)
+class Transition:
+    """Statistics over one step h."""
+
+    decay: float
+    """e = exp(-γh)."""
+    drift_time: float
+    """b = (1 - e)/γ (h where γ = 0)."""
+    velocity_shift: float
+    """Mean of V for v = 0: g b."""
+    displacement_shift: float
+    """Mean of X for v = 0: g (h - b)/γ (g h²/2 where γ = 0)."""
+    velocity_variance: float
+    """s² = σ(1 - e²), of V's noise."""
+    covariance: float
+    """c = (σ/γ)(1 - e)², of the noises of V and X."""
+    displacement_variance: float
+    """r = (σ/γ²)(2γh - 3 + 4e - e²), of X's noise."""
+
+
+def transition(model: Model, h: float) -> Transition:
+    """The transition over h; full relative accuracy at any γh, 0 included (tests/exact/test_ornstein_uhlenbeck.py)."""
+    g, gamma, sigma = model.gravity, model.friction, model.noise
+    a = gamma * h
+    e = math.exp(-a)
+    b = h * phi1(a)
+    return Transition(
+        decay=e,
+        drift_time=b,
+        velocity_shift=g * b,
+        displacement_shift=g * h * h * phi2(a),
+        velocity_variance=-sigma * math.expm1(-2 * a),
+        covariance=sigma * gamma * b * b,
+        displacement_variance=sigma * gamma * h**3 * _psi(a),
+    )
+
+
+def half_transport_time(gamma: float, h: float) -> float:
+    """τ = tanh(γh/2)/γ, the transport time on either side of the kernel in the exact linear step (linear.py)."""
+    a = gamma * h / 2
+    return h / 2 * (math.tanh(a) / a if a > 1e-8 else 1 - a * a / 3)
+
+
+def excess_displacement(gamma: float, h: float) -> float:
+    """(γh - 2 tanh(γh/2))/γ = h - 2τ, without cancellation at small γh."""
+    a = gamma * h
+    if a > 0.2:
+        return h - 2 * half_transport_time(gamma, h)
+    z, total = a * a, 0.0
+    # x - 2 tanh(x/2) = x³/12 - x⁵/120 + 17x⁷/20160 - 31x⁹/362880 + 691x¹¹/79833600 - …
+    series = (1 / 12, -1 / 120, 17 / 20160, -31 / 362880, 691 / 79833600, -5461 / 6227020800, 929569 / 10461394944000)
+    for coefficient in reversed(series):
+        total = total * z + coefficient
+    return h * z * total
+
+
+def transport_times(gamma: float, h: float) -> tuple[float, float]:
+    """(a, b): transport for a, Ornstein-Uhlenbeck for h/2, transport for b, Ornstein-Uhlenbeck for h/2, transport for a
+    give displacement and velocity the joint Gaussian law of a whole step h, exactly (up to a uniform shift by gravity).
+
+    Both are positive: a/h goes from (1 - 1/√3)/2 at γh = 0, where the kernels act at the Gauss-Legendre points of the step, to
+    1/(γh). From the means, 2a cosh(γh/2) + b = 2 sinh(γh/2)/γ, and from the variance of the displacement.
+    """
+    x = gamma * h
+    e, phi = math.exp(-x), phi1(x)
+    ratio = _psi(x) / phi  # displacement variance over the velocity variance of half a step, over h²
+    a = (phi - math.sqrt(e * ((1 + e) * ratio - phi**2))) / (1 + e)
+    return a * h, math.sqrt((1 + e) * ratio - phi**2) * h
+
+
+def phi1(a: float) -> float:
+    """(1 - e^-a)/a."""
+    return -math.expm1(-a) / a if a > 0 else 1.0
+
+
+def phi2(a: float) -> float:
+    """(a - 1 + e^-a)/a²."""
+    return (a + math.expm1(-a)) / a**2 if a > 0.5 else _series(a, lambda n: 1.0, 2)
+
+
+def _psi(a: float) -> float:
+    """(2a - 3 + 4e^-a - e^-2a)/a³: 2/3 at a = 0."""
+    if a > 0.5:
+        return (2 * a + 4 * math.expm1(-a) - math.expm1(-2 * a)) / a**3
+    return -_series(a, lambda n: 4.0 - 2.0**n, 3)
+
+
+def _series(a: float, coefficient: Callable[[int], float], first: int) -> float:
+    """Σ_{n ≥ first} coefficient(n) (-1)^(n - first) a^(n - first)/n!."""
+    total, power = 0.0, 1.0 / math.factorial(first)
+    for n in range(first, first + 22):
+        total += coefficient(n) * power
+        power *= -a / (n + 1)
+    return total
