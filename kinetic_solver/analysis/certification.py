@@ -13,8 +13,9 @@ import numpy as np
 from kinetic_solver.dataset import MemoryRecorder
 from kinetic_solver.errors import SceneError, SolverStopped
 from kinetic_solver.plan import Plan, make_plan
-from kinetic_solver.plan.rules import fast_odd
-from kinetic_solver.scene import Accuracy, Scene
+from kinetic_solver.plan.in_x import fast_odd
+from kinetic_solver.plan.plan import GROUPS
+from kinetic_solver.scene import Accuracy, Scene, Schedule
 from kinetic_solver.solver import integrate
 
 if TYPE_CHECKING:
@@ -128,7 +129,10 @@ def _fixed(plan: Plan, nx: int, nv: int, window: tuple[float, float], steps: flo
     step = plan.time_step / steps if plan.time_step is not None and not plan.controlled else plan.time_step
     quiet = plan.scene.output.model_copy(update={"scalars": False, "budgets": False, "moment_equations": False})
     scene = plan.scene.model_copy(update={"output": quiet})
-    return dataclasses.replace(plan, scene=scene, inner=inner, grid=grid, time_step=step, shortest_step=0.0)
+    schedule = Schedule.of(scene, GROUPS)
+    return dataclasses.replace(
+        plan.with_inner(inner), scene=scene, schedule=schedule, grid=grid, time_step=step, shortest_step=0.0
+    )
 
 
 def _error(run: xr.Dataset, truth: xr.Dataset, name: str) -> float:

@@ -6,7 +6,6 @@ import math
 
 from kinetic_solver.initial import start_state
 from kinetic_solver.plan import Plan, make_plan
-from kinetic_solver.plan.rules import frame_times
 from kinetic_solver.scene import FOLLOW_LEADER, INELASTIC, Scene
 from kinetic_solver.stability import critical_density, kinetic_rates
 from kinetic_solver.stability.homogeneous import homogeneous_state
@@ -122,7 +121,7 @@ def _run(plan: Plan) -> list[Row]:
     ]
     if plan.deposit is not None and plan.velocity != "hermite":
         rows.append(row("deposit", plan.deposit, "deposit"))
-    frames = len(frame_times(plan.scene))
+    frames = len(plan.times)
     rows.append(("in time", _stepping(plan)))
     if plan.time_step is not None:
         rows.append(row("longest step", f"{plan.time_step:.4g}", "time_step"))
@@ -134,10 +133,10 @@ def _run(plan: Plan) -> list[Row]:
 
 
 def _frame(plan: Plan) -> str:
-    if not plan.frame.moving:
+    if not plan.reference_frame.moving:
         return "at rest"
     out = plan.output
-    what = "gravity and friction are" if plan.frame.noiseless else "gravity is"
+    what = "gravity and friction are" if plan.reference_frame.noiseless else "gravity is"
     return f"moving: {what} a change of coordinates; written for {out.nv} velocities on [{out.low:.5g}, {out.high:.5g}]"
 
 

@@ -46,7 +46,7 @@ class Place:
 
 
 @dataclass(frozen=True)
-class Frame:
+class ReferenceFrame:
     """A frame that starts with velocity `start`; at rest in the laboratory where `moving` is False."""
 
     model: Model

@@ -1,10 +1,15 @@
-"""What a run will use, decided before it starts: grid, window, step, schemes, memory. The rules are in rules.py."""
+"""What a run will use, decided before it starts: frame of reference, grid, window, step, schemes, memory, and why.
+
+The way from a scene: `scales_of` (what it asks to be resolved), `choices.reference_frame`, the scales and `Waves` in that frame,
+then the choices, each made from criteria that carry their reasons.
+"""
 
 from __future__ import annotations
 
 import math
-import os
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -13,46 +18,74 @@ from kinetic_solver import initial
 from kinetic_solver.arrays import Array
 from kinetic_solver.errors import SceneError
 from kinetic_solver.grid import PhaseSpaceGrid
-from kinetic_solver.plan.moving_frame import Frame
-from kinetic_solver.plan.rules import Rules, frame_times
-from kinetic_solver.scene import FOLLOW_LEADER, Scene
+from kinetic_solver.machine import too_large
+from kinetic_solver.plan import choices, in_hermite, in_t, in_v, in_x, measured
+from kinetic_solver.plan.criterion import Criterion, strictest
+from kinetic_solver.plan.moving_frame import ReferenceFrame
+from kinetic_solver.plan.scales import Scales, scales_of
+from kinetic_solver.plan.waves import Waves
+from kinetic_solver.scene import (
+    FOLLOW_LEADER,
+    Deposit,
+    DriftDiffusionScheme,
+    Scene,
+    Schedule,
+    SteppingScheme,
+    VelocityScheme,
+)
 
-WORTH_MOVING = 1.5
-"""How much narrower a moving frame must make the window: frames are interpolated then."""
+GROUPS = ("f", "moments", "scalars", "budgets", "moment_equations")
+"""Of `[output]`, that a run on the grid writes."""
 MOST_VELOCITIES = 20_000
-"""Of the output of a noiseless run."""
+"""Of the output of a noiseless run. Chosen: more are asked for by mistake."""
+MEMORY_TIME = 5.0
+"""Relaxation times for which the errors of steps last: exp(-5) of them is left then."""
 STATE_ARRAYS = 30
-"""Arrays of the size of f alive at once: the state, its transform, collision stages, diagnostics."""
+"""Arrays of the size of f alive at once: the state, its transform, collision stages, diagnostics. Counted, generously."""
+STEP_LENGTHS: Mapping[SteppingScheme, int] = MappingProxyType({"exact": 2, "strang": 2, "extrapolated": 8})
+"""Lengths of steps for which tables are kept at a time."""
 
 
 @dataclass(frozen=True)
 class Plan:
-    """The discretisation of one run. What is stepped is `inner`, the scene in its frame of reference."""
+    """The discretisation of one run."""
 
     scene: Scene
-    frame: Frame
-    inner: Scene
-    times: Array
-    """When anything is written, by the frame's clock."""
+    """As it was given, in the laboratory."""
+    schedule: Schedule
+    """When anything is written, by the laboratory's clock."""
+    reference_frame: ReferenceFrame
+    scales: Scales
+    """In the frame of reference, like `waves`."""
+    waves: Waves
     grid: PhaseSpaceGrid
-    """Of the first step: error control may change it."""
+    """Of the first step: the run may change it."""
     output: PhaseSpaceGrid
     """Of the dataset, in the laboratory: fixed."""
-    velocity: str
-    """"points" or "hermite"."""
-    stepping: str
-    """"exact", "extrapolated" or "strang"."""
+    velocity: VelocityScheme
+    stepping: SteppingScheme
+    drift_diffusion: DriftDiffusionScheme
+    deposit: Deposit | None
     time_step: float | None
-    """Longest step; None: from frame to frame, or as error control finds."""
+    """The longest step; None: from frame to frame."""
     shortest_step: float
     """Exact steps shorter than this are not built upon: their kernel is not resolved."""
-    drift_diffusion: str
-    deposit: str | None
     expected_steps: int
     """Exactly so many; with error control, about."""
-    error_share: float = 1.0
-    """Of rtol, to local errors: less where operator (6) amplifies them."""
-    reasons: dict[str, str] = field(default_factory=dict)
+    error_share: float
+    """Of rtol, to the local errors of steps."""
+    reasons: Mapping[str, str] = field(default_factory=dict)
+    """Of what was chosen: name → why."""
+
+    @property
+    def inner(self) -> Scene:
+        """What is stepped: the scene in its frame of reference."""
+        return self.scales.scene
+
+    @property
+    def times(self) -> Array:
+        """When anything is written, by the frame's clock."""
+        return self.scales.times
 
     @property
     def symmetric(self) -> bool:
@@ -68,23 +101,27 @@ class Plan:
     def memory_time(self) -> float:
         """How long errors last: the run, or a few relaxation times; by the frame's clock."""
         friction = self.inner.model.friction
-        return min(self.inner.run.end_time, 5 / friction if friction > 0 else math.inf)
+        return min(self.inner.run.end_time, MEMORY_TIME / friction if friction > 0 else math.inf)
 
     @property
     def memory(self) -> int:
         """Bytes: the arrays of f's size, and kernels and phases for the step lengths in use."""
         nx, nv = self.grid.nx, self.grid.nv
-        lengths = {"exact": 2, "strang": 2, "extrapolated": 8}[self.stepping]
         propagators, kernels = 16 * (nx // 2 + 1) * nv**2, 8 * (nv**2 + 4 * nx * nv)
-        tables = lengths * (propagators if self.velocity == "hermite" else kernels)
+        tables = STEP_LENGTHS[self.stepping] * (propagators if self.velocity == "hermite" else kernels)
         return 8 * STATE_ARRAYS * nx * nv + tables + 8 * 3 * nv**2
+
+    def with_inner(self, inner: Scene) -> Plan:
+        """The same plan for another grid table or rtol of the scene in its frame, whose physics must be the same."""
+        scales = replace(self.scales, scene=inner)
+        return replace(self, scales=scales, waves=Waves(scales))
 
 
 def make_plan(scene: Scene) -> Plan:
     """Choose what the scene leaves open. Raises SceneError where no grid in this machine's memory can do it."""
     reasons: dict[str, str] = {}
     if scene.initial.file is not None:
-        scene = _on_the_files_grid(scene, reasons)
+        scene, reasons = _on_the_files_grid(scene)
     try:
         return _make_plan(scene, reasons)
     except (OverflowError, ZeroDivisionError) as error:
@@ -95,61 +132,78 @@ def make_plan(scene: Scene) -> Plan:
         ) from None
 
 
-def _make_plan(scene: Scene, reasons: dict[str, str]) -> Plan:
-    rules = Rules(scene, reasons)
-    rules.check_given()
-    frame = _frame(rules)
-    lab, scene = scene, frame.scene(scene)
-    times = np.array([frame.clock(float(time)) for time in frame_times(lab)])
-    if frame.moving:
-        reasons.clear()
-        rules = Rules(scene, reasons, times)
-        rules.lab_friction = lab.model.friction
-    velocity, stepping = rules.velocity(), rules.stepping()
-    window = scene.grid.velocity_window or rules.window()
-    deposit = rules.deposit()
-    drift_diffusion = rules.drift_diffusion()
-    time_step = rules.time_step(stepping, velocity, window)
-    if velocity == "hermite":
-        nv = shown = scene.grid.nv or rules.hermite_count()
-    else:
-        nv = shown = scene.grid.nv or rules.nv(window, stepping, time_step, deposit, drift_diffusion)
-        if rules.hermite_pays(nv):
-            velocity, nv = "hermite", rules.hermite_count()
-    nx = scene.grid.nx or rules.nx()
-    grid = PhaseSpaceGrid(nx, nv, scene.pipe.length, *window)
+def _make_plan(scene: Scene, known: Mapping[str, str]) -> Plan:
+    schedule = Schedule.of(scene, GROUPS)
+    here = scales_of(scene, schedule.times)
+    choices.check_given(here)
+
+    def clocked(frame: ReferenceFrame) -> Scales:
+        times = np.array([frame.clock(float(time)) for time in schedule.times])
+        return scales_of(frame.scene(scene), times, scene.model.friction)
+
+    frame, scales = choices.reference_frame(here, clocked)
+    waves, inner = Waves(scales), scales.scene
+    chosen: dict[str, str | None] = dict(known)
+    velocity, stepping = choices.velocity(scales), choices.stepping(inner)
+    low, high = inner.grid.velocity_window or _window(scales, chosen)
+    deposit, chosen["deposit"] = choices.deposit(inner)
+    drift_diffusion = choices.drift_diffusion(scales, waves)
+    time_step, chosen["time_step"] = choices.time_step(scales, waves, stepping, velocity, high - low)
+    shown = _velocities(scales, waves, velocity, in_v.Schemes(stepping, drift_diffusion, deposit, time_step), high - low)
+    nv, chosen["nv"] = int(shown.value), chosen.get("nv", shown.reason)
+    if choices.hermite_may_pay(scales):
+        functions = in_hermite.count(scales, waves)
+        if measured.HERMITE_PAYS * functions.value <= nv:
+            velocity, nv, chosen["nv"] = "hermite", int(functions.value), functions.reason
+    points = Criterion(inner.grid.nx, "") if inner.grid.nx else in_x.points(scales, waves)
+    chosen["nx"] = chosen.get("nx", points.reason)
+    grid = PhaseSpaceGrid(int(points.value), nv, inner.pipe.length, low, high)
     shortest = 0.0
     if stepping == "exact" and velocity == "points" and drift_diffusion == "kernel":
-        shortest = rules.shortest_exact_step(grid)
+        shortest = in_t.shortest_exact_step(scales, waves, grid)
     elif stepping == "strang":
-        rules.warn_of_a_long_strang_step()
-        rules.warn_of_an_unresolved_kernel(grid, time_step, drift_diffusion)
-    steps, share = rules.expected_steps(stepping, time_step), rules.error_share()
-    output = _output_grid(replace(grid, nv=shown), frame, times, lab)
+        choices.warn_of_a_long_strang_step(scales, waves)
+        choices.warn_of_an_unresolved_kernel(scales, grid, time_step, drift_diffusion)
     plan = Plan(
-        lab, frame, scene, times, grid, output, velocity, stepping, time_step, shortest, drift_diffusion, deposit, steps, share,
-        reasons,
-    )  # fmt: skip
+        scene,
+        schedule,
+        frame,
+        scales,
+        waves,
+        grid,
+        _output_grid(replace(grid, nv=int(shown.value)), frame, scales.times, scene),
+        velocity,
+        stepping,
+        drift_diffusion,
+        deposit,
+        time_step,
+        shortest,
+        in_t.expected_steps(scales, waves, stepping, time_step),
+        in_t.error_share(scales),
+        MappingProxyType({name: reason for name, reason in chosen.items() if reason}),
+    )
     check_memory(plan)
     return plan
 
 
-def _frame(rules: Rules) -> Frame:
-    """A moving frame where gravity would ask for a much wider window, or friction without noise for an ever finer dv."""
-    scene = rules.scene
-    given = scene.grid
-    rest, moving = Frame(scene.model), Frame(scene.model, moving=True, start=rules.u0)
-    if given.nv or given.velocity_window or given.velocity == "hermite" or scene.initial.file or scene.output.moment_equations:
-        return rest
-    if moving.noiseless:
-        return moving if rules.shifted() else rest
-    (low, high), (inner_low, inner_high) = rules.window(), Rules(moving.scene(scene), {}).window()
-    # Finite volumes, which stand in for the kernel where noise hardly acts, want the terminal velocity within the window.
-    worth = high - low > WORTH_MOVING * (inner_high - inner_low) or not low < scene.model.gravity / scene.model.friction < high
-    return moving if worth else rest
+def _window(scales: Scales, chosen: dict[str, str | None]) -> tuple[float, float]:
+    window = in_v.window(scales)
+    chosen["velocity_window"] = window.reason
+    return window.low, window.high
 
 
-def _output_grid(grid: PhaseSpaceGrid, frame: Frame, times: Array, scene: Scene) -> PhaseSpaceGrid:
+def _velocities(scales: Scales, waves: Waves, velocity: VelocityScheme, schemes: in_v.Schemes, width: float) -> Criterion:
+    """nv as given; else the functions or the points that are needed."""
+    if scales.scene.grid.nv:
+        return Criterion(scales.scene.grid.nv, "")
+    if velocity == "hermite":
+        return in_hermite.count(scales, waves)
+    coarsest = strictest(in_v.spacings(scales, waves, schemes))
+    points = max(in_v.LEAST_POINTS, math.ceil(width / coarsest.value))
+    return Criterion(points, f"dv = {coarsest.value:.3g} resolves {coarsest.reason}")
+
+
+def _output_grid(grid: PhaseSpaceGrid, frame: ReferenceFrame, times: Array, scene: Scene) -> PhaseSpaceGrid:
     """Holds all that the solver's first window holds, at every frame, with its resolution."""
     if not frame.moving:
         return grid
@@ -165,23 +219,19 @@ def _output_grid(grid: PhaseSpaceGrid, frame: Frame, times: Array, scene: Scene)
     return PhaseSpaceGrid(grid.nx, nv, grid.length, low, high)
 
 
-def _on_the_files_grid(scene: Scene, reasons: dict[str, str]) -> Scene:
-    """The rules below are for Maxwellian starts; a start from a file keeps the file's grid where [grid] names no other."""
+def _on_the_files_grid(scene: Scene) -> tuple[Scene, dict[str, str]]:
+    """The rules are for Maxwellian starts; a start from a file keeps the file's grid where [grid] names no other."""
     nx, nv, low, high = initial.file_grid(scene)
     of_file: dict[str, Any] = {"nx": nx}
     if scene.grid.velocity_window is None:
         of_file |= {"nv": nv, "velocity_window": (low, high)}
     missing = {name: value for name, value in of_file.items() if getattr(scene.grid, name) is None}
-    reasons.update(dict.fromkeys(missing, "as in initial.file"))
-    return scene.model_copy(update={"grid": scene.grid.model_copy(update=missing)})
+    on_it = scene.model_copy(update={"grid": scene.grid.model_copy(update=missing)})
+    return on_it, dict.fromkeys(missing, "as in initial.file")
 
 
 def check_memory(plan: Plan) -> None:
     """Raises SceneError where this machine cannot hold the plan."""
-    available = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-    if plan.memory > 0.9 * available:
+    if (why := too_large(plan.memory)) is not None:
         g = plan.grid
-        raise SceneError(
-            f"grid: nx = {g.nx}, nv = {g.nv} need {plan.memory / 2**30:.3g} GiB, this machine has {available / 2**30:.3g} GiB; "
-            "reduce nx or nv, or raise accuracy.rtol"
-        )
+        raise SceneError(f"grid: nx = {g.nx}, nv = {g.nv} {why}; reduce nx or nv, or raise accuracy.rtol")

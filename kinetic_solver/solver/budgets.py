@@ -2,20 +2,32 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
 from kinetic_solver.arrays import Array
-from kinetic_solver.grid import PhaseSpaceGrid
-from kinetic_solver.operators.collisions.protocol import CollisionRate
 from kinetic_solver.operators.moments import totals
-from kinetic_solver.plan.moving_frame import Frame, Place
+from kinetic_solver.plan import in_t
+from kinetic_solver.plan.moving_frame import Place
+from kinetic_solver.solver.observation import Observation
 from kinetic_solver.theory.ornstein_uhlenbeck import transition
 
-Totals = tuple[float, float, float]
-"""Mass, momentum, energy."""
+HISTORY = 6
+"""Ends of steps that the spline goes through when a frame is booked: as many as a quintic needs to begin with."""
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(4)
+"""Of the Gauss-Legendre rule within an exact step."""
+
+
+@dataclass(frozen=True)
+class Mark:
+    """Where the books stood: to come back to with `Ledger.rewind`, before the next record."""
+
+    nodes: int
+    integral: Array
 
 
 class Ledger:
@@ -24,25 +36,23 @@ class Ledger:
     dp/dt = gN - γp + c₁ and dE/dt = gp - 2γE + σγN + c₂, with c₁ = ∫∫v C and c₂ = ½∫∫v² C evaluated on f. Without collisions
     their solution is closed, and the residual, total - initial - Σ terms, is what drift-diffusion got wrong. With collisions
     p, E, c₁ and c₂ are integrated in time, and the residual holds that quadrature's error too: over exact steps by the four-point
-    Gauss-Legendre rule (`over`), since the state is known at any time; else by a quintic spline through the ends of the steps
-    (`step`), which Rules.budget_step keeps short enough unless grid.time_step says otherwise.
+    Gauss-Legendre rule, since f is known within them; else by a quintic spline through the ends of the steps, which
+    `in_t.budget_step` keeps short enough unless grid.time_step says otherwise.
     """
 
-    HISTORY = 6
-
-    def __init__(
-        self, grid: PhaseSpaceGrid, frame: Frame, operator: CollisionRate | None, f: Array, total: Totals | None = None
-    ) -> None:
-        self.grid = grid
-        """Of the states to come; like `operator` it may be exchanged."""
-        self.frame = frame
-        self.model = frame.model
-        self.operator = operator
+    def __init__(self, start: Observation) -> None:
+        plan = start.plan
+        self.frame = plan.reference_frame
+        self.model = plan.reference_frame.model
+        self.collide = plan.inner.operator is not None
+        self._mixing = in_t.mixing_times(plan.scales, plan.waves)
         self._nodes: list[tuple[float, Array, Array]] = []
         self._booked = 0
         self._integral: Array = np.zeros(4)
-        self._exact = False
-        self.start(f, total)
+        """Of (p, E, c₁, c₂) over the exact steps since the last record."""
+        self._dense = False
+        """Whether f is known within the steps."""
+        self.start(start)
         self.brought = {
             "momentum_from_gravity": 0.0,
             "momentum_from_friction": 0.0,
@@ -53,42 +63,39 @@ class Ledger:
             "energy_from_collisions": 0.0,
         }
 
-    def start(self, f: Array, total: Totals | None = None) -> None:
+    def start(self, seen: Observation) -> None:
         """The state at time 0."""
         self._nodes.clear()
-        self.step(0.0, f, total)
+        self._note(seen)
         self.initial = self._nodes[0][1]
 
-    def step(self, clock: float, f: Array, total: Totals | None = None) -> None:
-        """A step has ended when the frame's clock shows this. `total`, where not to be summed from f: mass, momentum, energy."""
-        place = self.frame.place(clock)
-        here = np.array(place.totals(total or totals(self.grid, f)))
-        self._nodes.append((place.time, here, self._collisions(f, place)))
+    def step(self, seen: Observation) -> None:
+        """A step has ended."""
+        self._dense = seen.within is not None
+        if self.collide and seen.within is not None:
+            self._integrate(seen, seen.within, seen.since, seen.clock)
+        self._note(seen)
 
-    def over(self, state_at: Callable[[float], Array], start: float, end: float) -> None:
-        """Integrate over a step, by the frame's clock, whose f is known at any time."""
-        nodes, weights = np.polynomial.legendre.leggauss(4)
-        for node, weight in zip(nodes, weights, strict=True):
-            clock = (start + end) / 2 + (end - start) / 2 * node
-            f, place = state_at(clock), self.frame.place(clock)
-            sample = np.array([*place.totals(totals(self.grid, f))[1:], *self._collisions(f, place)])
-            self._integral = self._integral + (end - start) / 2 * weight / place.scale * sample
-            self._exact = True
+    def mark(self) -> Mark:
+        return Mark(len(self._nodes), self._integral)
 
-    def mark(self) -> tuple[int, Array]:
-        """To come back to with `rewind`, before the next record."""
-        return len(self._nodes), self._integral
+    def rewind(self, mark: Mark) -> None:
+        del self._nodes[mark.nodes :]
+        self._integral = mark.integral
 
-    def rewind(self, mark: tuple[int, Array]) -> None:
-        del self._nodes[mark[0] :]
-        self._integral = mark[1]
+    def _note(self, seen: Observation) -> None:
+        place = self.frame.place(seen.clock)
+        self._nodes.append((place.time, np.array(place.totals(seen.totals)), _collisions(seen, seen.f, place)))
 
-    def _collisions(self, f: Array, place: Place) -> Array:
-        """(c₁, c₂)."""
-        if self.operator is None:
-            return np.zeros(2)
-        _, p, energy = totals(self.grid, self.operator.rate(f))
-        return np.array(place.rates((p, energy)))
+    def _integrate(self, seen: Observation, f_at: Callable[[float], Array], start: float, end: float) -> None:
+        """Over a step whose f is known at any clock: in pieces while the start's waves mix."""
+        within = self._mixing[(self._mixing > start) & (self._mixing < end)].tolist()
+        for a, b in itertools.pairwise([start, *within, end]):
+            for node, weight in zip(NODES, WEIGHTS, strict=True):
+                clock = (a + b) / 2 + (b - a) / 2 * node
+                f, place = f_at(clock), self.frame.place(clock)
+                sample = np.array([*place.totals(totals(seen.grid, f))[1:], *_collisions(seen, f, place)])
+                self._integral = self._integral + (b - a) / 2 * weight / place.scale * sample
 
     def _book(self) -> None:
         """Integrate over the steps since the last record."""
@@ -98,8 +105,8 @@ class Ledger:
         if h == 0:
             return
         g, gamma, noise = self.model.gravity, self.model.friction, self.model.noise * self.model.friction
-        if self.operator is not None:
-            integral = self._integral if self._exact else self._spline_integral(start, end)
+        if self.collide:
+            integral = self._integral if self._dense else self._spline_integral(start, end)
             momentum_time, energy_time, c1, c2 = (float(value) for value in integral)
             work = g * momentum_time
             friction = (-gamma * momentum_time, -2 * gamma * energy_time)
@@ -118,7 +125,7 @@ class Ledger:
         self.brought["energy_from_noise"] += noise * mass * h
         self.brought["energy_from_friction"] += friction[1]
         self.brought["energy_from_collisions"] += c2
-        self._nodes = self._nodes[-self.HISTORY :]
+        self._nodes = self._nodes[-HISTORY:]
         self._booked = len(self._nodes) - 1
         self._integral = np.zeros(4)
 
@@ -150,3 +157,11 @@ class Ledger:
             "momentum_residual": float(change[1] - moved["momentum"]),
             "energy_residual": float(change[2] - moved["energy"]),
         }
+
+
+def _collisions(seen: Observation, f: Array, place: Place) -> Array:
+    """(c₁, c₂), by the laboratory's clock, of an f on the grid that is seen."""
+    if seen.scheme.operator is None:
+        return np.zeros(2)
+    _, p, energy = totals(seen.grid, seen.scheme.operator.rate(f))
+    return np.array(place.rates((p, energy)))

@@ -1,8 +1,11 @@
-"""Watches a run: stops it, with one line that says what to change, before a number that cannot be trusted is written."""
+"""Judges every state: whether its grid still holds it, before a number that cannot be trusted is written."""
 
 from __future__ import annotations
 
 import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -10,138 +13,233 @@ from kinetic_solver.arrays import Array
 from kinetic_solver.errors import SolverStopped
 from kinetic_solver.operators.moments import moments
 from kinetic_solver.plan import Plan
-from kinetic_solver.scene import FOLLOW_LEADER
+from kinetic_solver.scene import FOLLOW_LEADER, Scene
+from kinetic_solver.solver.estimate import deposit_error, shortest_waves
+from kinetic_solver.solver.observation import Observation
 from kinetic_solver.theory.ornstein_uhlenbeck import transition
 
 UNRESOLVED = 0.5
-"""dv²|∂²f/∂v²|/max f at which a peak counts as unresolved: a Gaussian whose standard deviation is 1.4 dv."""
+"""dv²|∂²f/∂v²|/max f at which a peak counts as unresolved: that of a Gaussian whose standard deviation is 1.4 dv."""
 SHARE = 0.3
-"""Of rtol, to each of the losses that a larger grid would mend: they add up."""
+"""Of rtol, to each of the losses that a larger grid would mend, since they add up. Chosen."""
+LAST_FUNCTIONS = 0.1
+"""Of rtol, to the last two Hermite functions. Chosen: what lies beyond them is of their size."""
+OVERRATED = {"waves": 3.0, "deposits": 5.0}
+"""By how much these estimates of the error by dv are taken to exceed the error itself (tests/convergence/test_estimate.py holds
+them from both sides). Where noise hardly acts, what dv cannot hold piles up, and the deposits' is taken as it is."""
+HIGHEST_WAVES = 1 / 4
+"""Of the waves in v that are looked at where noise hardly acts: free motion passes many of them within one step."""
+
+Quantity = Literal["nx", "nv", "low", "high"]
+"""What of a grid may be too small: points, or the window's lower or upper edge."""
 
 
-class Unresolved(SolverStopped):
-    """`what` of the grid, "nx", "nv", "low" or "high" (the window's edges), does not resolve f; `value` says by how much."""
+@dataclass(frozen=True)
+class Problem:
+    """A quantity of the grid that does not hold f."""
 
-    def __init__(self, message: str, what: str, value: float) -> None:
-        super().__init__(message)
-        self.what, self.value = what, value
+    what: Quantity
+    value: float
+    """By how much: the loss, over max f."""
+    when: str
+    message: str
+    """What happened, and what to change."""
+
+    def __str__(self) -> str:
+        return f"{self.when}: {self.message}"
+
+
+@dataclass(frozen=True)
+class Judgement:
+    diagnostics: dict[str, float]
+    """For the dataset (docs/output.md), each relative to max f."""
+    problem: Problem | None
+    """The first that was found."""
+
+
+@dataclass(frozen=True)
+class _Loss:
+    """That a larger `what` would mend."""
+
+    what: Quantity
+    value: float
+    given: bool
+    """Whether `[grid]` gives it: then it is warned of, not mended."""
+    text: str
+
+
+def free(plan: Plan, what: Quantity) -> bool:
+    """Whether this quantity of the grid is rtol's to choose."""
+    given = plan.inner.grid
+    if what == "nx":
+        return given.nx is None and plan.grid.nx > 1
+    if what == "nv":
+        return given.nv is None
+    return plan.velocity == "points" and given.nv is None and given.velocity_window is None
+
+
+def folds(plan: Plan) -> bool:
+    """True where noise hardly acts on (12): free motion makes ever shorter waves in v, which may pass the shortest that dv holds
+    in a few steps."""
+    return plan.deposit is not None and plan.scales.noise_hardly_acts
 
 
 class Monitor:
-    """Diagnostics of f, each relative to max f, and the decision that the grid no longer holds it.
+    """Looks at f, and at what (6) will still make of it.
 
-    What exceeds `share` of rtol raises Unresolved where the grid was chosen for it; where [grid] gives the offending quantity,
-    what exceeds rtol is warned of once, since what is given is kept. NaN, and peaks narrower than UNRESOLVED, always raise.
-    Times are the frame's clock; messages give the scene's.
+    A loss beyond `share` of rtol is a Problem where the grid was chosen; where [grid] gives the offending quantity, one beyond
+    rtol is warned of, and again when it is ten times worse. A NaN raises SolverStopped; a peak narrower than UNRESOLVED is
+    always a Problem. It remembers nothing but what it has warned of.
     """
 
     def __init__(self, plan: Plan) -> None:
-        self.plan = plan
-        """May be exchanged for one of another grid."""
-        self.rtol = plan.inner.accuracy.rtol
-        self.share = SHARE
         self._warned: dict[str, float] = {}
-        self._amplify = plan.inner.operator == FOLLOW_LEADER
         # Until noise has smoothed a step in the density, waves in x are as short as the grid can hold, by definition.
         self._smooth_from = float(plan.times[1]) if plan.inner.initial.step is not None else 0.0
 
-    def finite(self, f: Array, time: float) -> None:
-        """The check of every step."""
-        if not np.isfinite(f.sum()):
-            raise SolverStopped(f"{self._when(time)}: f is no longer finite; reduce grid.time_step or accuracy.rtol")
+    def finite(self, seen: Observation) -> None:
+        """The check of every step. Raises SolverStopped."""
+        if not np.isfinite(seen.f.sum()):
+            raise SolverStopped(f"{_when(seen)}: f is no longer finite; reduce grid.time_step or accuracy.rtol")
 
-    def check(self, f: Array, time: float, density_defect: float = 0.0) -> dict[str, float]:
-        """All diagnostics; may raise Unresolved. `density_defect`: what the exactly linearised step says of its own error."""
-        self.finite(f, time)
-        grid, given = self.plan.grid, self.plan.inner.grid
+    def judge(self, seen: Observation, share: float = SHARE) -> Judgement:
+        """All diagnostics of a state, and whether its grid holds it."""
+        self.finite(seen)
+        f, grid, scene = seen.f, seen.grid, seen.plan.inner
         top = float(f.max())
         if not top > 0:
-            raise SolverStopped(f"{self._when(time)}: f has no positive value left; reduce grid.time_step or accuracy.rtol")
+            raise SolverStopped(f"{_when(seen)}: f has no positive value left; reduce grid.time_step or accuracy.rtol")
         values = {
             "minimum_of_f": float(f.min()) / top,
-            "edge_error_low": float(self.amplified(f, time)[0]) / top,
+            "edge_error_low": float(amplified(seen)[0]) / top,
             "edge_error_high": float(np.abs(f[:, -1]).max()) / top,
             "velocity_curvature": float(np.abs(np.diff(f, n=2, axis=1)).max()) / top if grid.nv > 2 else 0.0,
-            "spectral_tail": self._spectral_tail(f),
-            "density_defect": density_defect,
+            "spectral_tail": spectral_tail(seen),
+            "density_defect": seen.scheme.density_defect,
         }
         # Without collisions the linear step is exact for whatever the points represent.
-        if values["velocity_curvature"] > UNRESOLVED and (self.plan.inner.operator is not None or given.nv is not None):
-            raise Unresolved(
-                f"{self._when(time)}: the velocity distribution has become narrower than 1.4 dv = {1.4 * grid.dv:.3g} and is no "
-                "longer resolved; raise grid.nv, narrow grid.velocity_window, or end the run earlier",
-                "nv", values["velocity_curvature"],
-            )  # fmt: skip
+        if values["velocity_curvature"] > UNRESOLVED and (scene.operator is not None or scene.grid.nv is not None):
+            text = (
+                f"the velocity distribution has become narrower than 1.4 dv = {1.4 * grid.dv:.3g} and is no "
+                "longer resolved; raise grid.nv, narrow grid.velocity_window, or end the run earlier"
+            )
+            return Judgement(values, Problem("nv", values["velocity_curvature"], _when(seen), text))
+        for loss in self._losses(seen, values):
+            if (problem := self._bounded(loss, seen, share)) is not None:
+                return Judgement(values, problem)
+        # What is shown at the start is the start itself, not what the points make of it.
+        return Judgement(values, _too_coarse(seen) if seen.clock > 0 else None)
+
+    def _losses(self, seen: Observation, values: dict[str, float]) -> Iterator[_Loss]:
+        plan, given = seen.plan, seen.plan.inner.grid
         low, high = values["edge_error_low"], values["edge_error_high"]
-        self._bound(
-            "low" if low > high else "high", max(low, high), given.velocity_window is not None, time,
+        edge: Quantity = "low" if low > high else "high"
+        yield _Loss(
+            edge,
+            max(low, high),
+            given.velocity_window is not None,
             f"f at the {'lower' if low > high else 'upper'} edge of the velocity window spoils {max(low, high):.2g} of max f; "
             "widen grid.velocity_window",
-        )  # fmt: skip
-        if time < self._smooth_from:
-            return values
-        # Transport in x, and the deposits of (12) above the linear one, are the two that are not positive.
-        finer = [] if grid.nx == 1 else ["nx"]
-        if self.plan.deposit not in (None, "linear") or not finer:
-            finer.append("nv")
-        self._bound(
-            finer[0], -values["minimum_of_f"], any(getattr(given, name) is not None for name in finer), time,
-            f"f has become negative by {-values['minimum_of_f']:.2g} of its maximum; "
-            + ("shorten grid.time_step, or " if given.time_step is not None and self.plan.deposit else "")
-            + "raise " + " and ".join(f"grid.{name}" for name in finer),
-        )  # fmt: skip
-        self._bound(
-            "nx", values["spectral_tail"], given.nx is not None, time,
-            f"the shortest waves in x carry {values['spectral_tail']:.2g} of f; raise grid.nx",
-        )  # fmt: skip
-        self._bound(
-            "nx", density_defect, given.nx is not None, time,
-            f"x is not resolved: the linearised step of operator (6) contradicts itself by {density_defect:.2g} of the density; "
-            "raise grid.nx",
-        )  # fmt: skip
-        return values
-
-    def _bound(self, what: str, value: float, given: bool, time: float, message: str) -> None:
-        if value <= (1.0 if given else self.share) * self.rtol:
+        )
+        if seen.clock < self._smooth_from:
             return
-        text = f"{self._when(time)}: {message} (accuracy.rtol = {self.rtol:g})"
-        if not given:
-            raise Unresolved(text, what, value)
-        kind = message.split(";")[1]
-        if value > 10 * self._warned.get(kind, 0.0):
-            self._warned[kind] = value
-            warnings.warn(text, stacklevel=2)
+        # Transport in x, and the deposits of (12) above the linear one, are the two that are not positive.
+        finer: list[Quantity] = [] if plan.grid.nx == 1 else ["nx"]
+        if plan.deposit not in (None, "linear") or not finer:
+            finer.append("nv")
+        yield _Loss(
+            finer[0],
+            -values["minimum_of_f"],
+            any(getattr(given, name) is not None for name in finer),
+            f"f has become negative by {-values['minimum_of_f']:.2g} of its maximum; "
+            + ("shorten grid.time_step, or " if given.time_step is not None and plan.deposit else "")
+            + "raise "
+            + " and ".join(f"grid.{name}" for name in finer),
+        )
+        yield _Loss(
+            "nx",
+            values["spectral_tail"],
+            given.nx is not None,
+            f"the shortest waves in x carry {values['spectral_tail']:.2g} of f; raise grid.nx",
+        )
+        yield _Loss(
+            "nx",
+            values["density_defect"],
+            given.nx is not None,
+            "x is not resolved: the linearised step of operator (6) contradicts itself by "
+            f"{values['density_defect']:.2g} of the density; raise grid.nx",
+        )
 
-    def _when(self, time: float) -> str:
-        return f"t = {self.plan.frame.place(time).time:.6g}"
+    def _bounded(self, loss: _Loss, seen: Observation, share: float) -> Problem | None:
+        rtol = seen.plan.inner.accuracy.rtol
+        if loss.value <= (1.0 if loss.given else share) * rtol:
+            return None
+        text = f"{loss.text} (accuracy.rtol = {rtol:g})"
+        if not loss.given:
+            return Problem(loss.what, loss.value, _when(seen), text)
+        remedy = loss.text.split(";")[1]
+        if loss.value > 10 * self._warned.get(remedy, 0.0):
+            self._warned[remedy] = loss.value
+            warnings.warn(f"{_when(seen)}: {text}", stacklevel=2)
+        return None
 
-    def amplified(self, f: Array, time: float) -> Array:
-        """max|f| over x at every velocity, times what operator (6) can still make of it. Shape (nv,)."""
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            size = np.exp(np.log(np.abs(f)) + self._exponents(f, time))
-        return np.asarray(np.nan_to_num(size, nan=0.0, posinf=np.inf).max(axis=0))
 
-    def waves(self, f: Array, time: float) -> Array:
-        """The largest amplitude of every wave in x, likewise amplified, over the largest of all. Shape (nx//2 + 1,)."""
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            size = np.exp(np.log(np.abs(np.fft.rfft(f, axis=0))) + self._exponents(f, time).max(axis=0))
-        size = np.nan_to_num(size, nan=0.0, posinf=np.inf).max(axis=1)
-        return np.asarray(size / size.max())
+def _too_coarse(seen: Observation) -> Problem | None:
+    """Whether the Hermite functions are enough, or dv is fine enough, where it is rtol's to choose."""
+    plan, rtol = seen.plan, seen.plan.inner.accuracy.rtol
+    if plan.velocity == "hermite" and free(plan, "nv"):
+        size = np.abs(seen.state).max(axis=0)
+        if (tail := float(size[-2:].max() / size.max())) > LAST_FUNCTIONS * rtol:
+            text = f"the last Hermite functions carry {tail:.2g} of f; raise grid.nv (accuracy.rtol = {rtol:g})"
+            return Problem("nv", tail, _when(seen), text)
+    if free(plan, "low"):  # an edge that cuts f, as a given window's may, has short waves of its own
+        folding = folds(plan)
+        error = shortest_waves(seen.f, HIGHEST_WAVES if folding else 0.0) / OVERRATED["waves"]
+        if plan.deposit is not None:
+            error = max(error, deposit_error(seen, seen.clock) / (1.0 if folding else OVERRATED["deposits"]))
+        if error > rtol:
+            text = (
+                f"the spacing in v is too coarse by an estimated {error:.2g} of max f; raise grid.nv (accuracy.rtol = {rtol:g})"
+            )
+            return Problem("nv", error, _when(seen), text)
+    return None
 
-    def _exponents(self, f: Array, time: float) -> Array:
-        """R w - R²θ/2 where positive, w = u - v, R = Sρ(1 - e^(-γt))/γ, t the time that is left; (nx, nv) or (1, 1)."""
-        if not self._amplify:
-            return np.zeros((1, 1))
-        m = moments(self.plan.grid, f)
-        left = max(0.0, self.plan.inner.run.end_time - time)
-        gain = self.plan.inner.cross_section * m.density * transition(self.plan.inner.model, left).drift_time
-        exponent = gain[:, None] * (m.mean_velocity[:, None] - self.plan.grid.v) - (gain**2 * m.temperature / 2)[:, None]
-        return np.maximum(exponent, 0.0)
 
-    def _spectral_tail(self, f: Array) -> float:
-        """The largest |f_k(v)| in the highest eighth of wavenumbers over the largest of all; 0 where modes do not couple."""
-        if self.plan.grid.nx < 3 or self.plan.inner.operator is None:
-            return 0.0
-        amplitude = np.abs(np.fft.rfft(f, axis=0)).max(axis=1)
-        first = len(amplitude) - max(1, len(amplitude) // 8)
-        return float(amplitude[first:].max() / amplitude.max())
+def _when(seen: Observation) -> str:
+    return f"t = {seen.time:.6g}"
+
+
+def amplified(seen: Observation) -> Array:
+    """max|f| over x at every velocity, times what operator (6) can still make of it. Shape (nv,)."""
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        size = np.exp(np.log(np.abs(seen.f)) + _exponents(seen))
+    return np.asarray(np.nan_to_num(size, nan=0.0, posinf=np.inf).max(axis=0))
+
+
+def amplified_waves(seen: Observation) -> Array:
+    """The largest amplitude of every wave in x, likewise amplified, over the largest of all. Shape (nx//2 + 1,)."""
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        size = np.exp(np.log(np.abs(np.fft.rfft(seen.f, axis=0))) + _exponents(seen).max(axis=0))
+    size = np.nan_to_num(size, nan=0.0, posinf=np.inf).max(axis=1)
+    return np.asarray(size / size.max())
+
+
+def _exponents(seen: Observation) -> Array:
+    """R w - R²θ/2 where positive, w = u - v, R = Sρ(1 - e^(-γt))/γ, t the time that is left; (nx, nv) or (1, 1)."""
+    scene: Scene = seen.plan.inner
+    if scene.operator != FOLLOW_LEADER:
+        return np.zeros((1, 1))
+    m = moments(seen.grid, seen.f)
+    left = max(0.0, scene.run.end_time - seen.clock)
+    gain = scene.cross_section * m.density * transition(scene.model, left).drift_time
+    exponent = gain[:, None] * (m.mean_velocity[:, None] - seen.grid.v) - (gain**2 * m.temperature / 2)[:, None]
+    return np.maximum(exponent, 0.0)
+
+
+def spectral_tail(seen: Observation) -> float:
+    """The largest |f_k(v)| in the highest eighth of wavenumbers over the largest of all; 0 where modes do not couple."""
+    if seen.grid.nx < 3 or seen.plan.inner.operator is None:
+        return 0.0
+    amplitude = np.abs(np.fft.rfft(seen.f, axis=0)).max(axis=1)
+    first = len(amplitude) - max(1, len(amplitude) // 8)
+    return float(amplitude[first:].max() / amplitude.max())

@@ -1,6 +1,7 @@
-"""How f is held while it is stepped: at velocity points (finite volumes) or as Hermite coefficients, behind one interface.
+"""How f is held while it is stepped: at velocity points or as Hermite coefficients, behind one interface.
 
-What a run needs of either is the same: a start, point values for output, and the parts of (2) as substeps and rates.
+What a run needs of either is the same: a start, point values for output, the parts of (2) as substeps and rates, and the way
+from one grid to another.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import numpy as np
 
 from kinetic_solver import initial
 from kinetic_solver.arrays import Array
+from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.initial import initial_state, start_state
 from kinetic_solver.operators.collisions import FollowLeader, FollowLeaderHermite, Inelastic, InelasticHermite
 from kinetic_solver.operators.collisions.protocol import CollisionRate
@@ -20,15 +22,14 @@ from kinetic_solver.operators.moments import totals
 from kinetic_solver.operators.velocity import (
     DriftDiffusion,
     FiniteVolume,
-    HermiteBasis,
     HighOrderFiniteVolume,
     OrnsteinUhlenbeckKernel,
 )
 from kinetic_solver.operators.velocity.kernel import resolution
 from kinetic_solver.plan import Plan
-from kinetic_solver.plan.rules import hermite_points
-from kinetic_solver.scene import FOLLOW_LEADER, Scene
-from kinetic_solver.stability.homogeneous import homogeneous_state
+from kinetic_solver.plan.in_hermite import basis_of, points_for_coefficients
+from kinetic_solver.scene import FOLLOW_LEADER
+from kinetic_solver.solver.regrid import regrid, resize
 from kinetic_solver.stepping import BaseMethod, Substep, lawson, strang
 
 
@@ -45,6 +46,10 @@ class Representation(Protocol):
 
     def totals(self, state: Array) -> tuple[float, float, float]:
         """(mass, momentum, energy)."""
+        ...
+
+    def carried(self, state: Array, grid: PhaseSpaceGrid) -> Array:
+        """A state that was held in the same way on this other grid. Mass is kept to round-off."""
         ...
 
     @property
@@ -88,11 +93,14 @@ class VelocityPoints:
     def totals(self, state: Array) -> tuple[float, float, float]:
         return totals(self.plan.grid, state)
 
+    def carried(self, state: Array, grid: PhaseSpaceGrid) -> Array:
+        return regrid(state, grid, self.plan.grid)
+
     def linearised(self, tolerance: float) -> GridLinearisedStep:
         scene, grid = self.plan.inner, self.plan.grid
         drift_diffusion = self._drift_diffusion()
         if self.plan.drift_diffusion == "kernel":
-            # Steps too short for the kernel are not built upon (stepping.ExactSteps), so its band-limited form will do for them.
+            # Steps too short for the kernel are not built upon (stepping/exact_steps.py): its band-limited form will do.
             drift_diffusion = OrnsteinUhlenbeckKernel(grid, scene.model, resolution=resolution(scene.accuracy.rtol))
         return GridLinearisedStep(grid, scene.model, scene.cross_section, drift_diffusion, tolerance)
 
@@ -119,7 +127,7 @@ class HermiteCoefficients:
 
     def __init__(self, plan: Plan) -> None:
         self.plan = plan
-        self.basis = hermite_basis(plan.inner, plan.grid.nv)
+        self.basis = basis_of(plan.inner, plan.grid.nv)
         self._values = self.basis.values(plan.grid.v)
         self.linear: Substep = HermiteLinearStep(plan.grid, self.basis, plan.inner.model)
 
@@ -129,7 +137,7 @@ class HermiteCoefficients:
             return self.basis.coefficients(initial.from_file(scene, grid.x, grid.v), grid.v)
         u0, theta0 = start_state(scene)
         if scene.initial.eigenmodes:
-            v = hermite_points(scene, self.basis, u0, theta0)
+            v = points_for_coefficients(scene, self.basis, u0, theta0)
             return self.basis.coefficients(initial.eigenmode_state(scene, grid.x, v, u0), v)
         return self.basis.maxwellian(
             initial.resolved_density(scene, grid.x),
@@ -142,6 +150,12 @@ class HermiteCoefficients:
 
     def totals(self, state: Array) -> tuple[float, float, float]:
         return self.basis.totals(state, self.plan.grid.dx)
+
+    def carried(self, state: Array, grid: PhaseSpaceGrid) -> Array:
+        """Functions that are added have the coefficient 0; those that are given up are small, or the run would not."""
+        count = self.plan.grid.nv
+        more = np.pad(resize(state, self.plan.grid.nx), ((0, 0), (0, max(0, count - state.shape[1]))))
+        return more[:, :count]
 
     def linearised(self, tolerance: float) -> HermiteLinearisedStep:
         grid, scene = self.plan.grid, self.plan.inner
@@ -156,13 +170,6 @@ class HermiteCoefficients:
         return lawson(InelasticHermite(self.basis, scene.cross_section, scene.restitution).rate, self.linear)
 
 
-def hermite_basis(scene: Scene, count: int) -> HermiteBasis:
-    """About the homogeneous state's mean velocity, with the noise's variance."""
-    state = homogeneous_state(scene)
-    assert state is not None
-    return HermiteBasis(state.mean_velocity, scene.model.noise, count)
-
-
 def collision_operator(plan: Plan) -> CollisionRate | None:
     """The operator that the scene needs, for f on the plan's velocity points; None without collisions."""
     scene = plan.inner
@@ -171,7 +178,7 @@ def collision_operator(plan: Plan) -> CollisionRate | None:
     if scene.operator == FOLLOW_LEADER:
         return FollowLeader(plan.grid.v, scene.cross_section)
     if plan.velocity == "hermite":
-        basis = hermite_basis(scene, plan.grid.nv)
+        basis = basis_of(scene, plan.grid.nv)
         return _AtPoints(InelasticHermite(basis, scene.cross_section, scene.restitution), plan.grid.v)
     assert plan.deposit is not None
     return Inelastic(plan.grid.v, scene.cross_section, scene.restitution, plan.deposit)

@@ -8,7 +8,8 @@ from kinetic_solver.dataset import MemoryRecorder, Recorder
 from kinetic_solver.errors import SolverStopped
 from kinetic_solver.plan import Plan, make_plan
 from kinetic_solver.scene import Scene
-from kinetic_solver.solver.loop import Progress, Report, Run
+from kinetic_solver.solver.loop import March, Progress
+from kinetic_solver.solver.report import Report
 from kinetic_solver.threads import one_blas_thread
 
 if TYPE_CHECKING:
@@ -37,4 +38,4 @@ def solve(scene: Scene, progress: Progress | None = None) -> xr.Dataset:
 def integrate(plan: Plan, recorder: Recorder, progress: Progress | None = None) -> Report:
     """Run the time loop and hand each frame to `recorder` as soon as it exists."""
     with one_blas_thread():
-        return Run(plan, recorder, progress).go()
+        return March(plan, recorder, progress).go()

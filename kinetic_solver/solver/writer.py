@@ -5,72 +5,61 @@ from __future__ import annotations
 import dataclasses
 from typing import Any
 
-import numpy as np
-
 from kinetic_solver.arrays import Array
 from kinetic_solver.dataset import Recorder
-from kinetic_solver.grid import PhaseSpaceGrid
-from kinetic_solver.operators.collisions.protocol import CollisionRate
 from kinetic_solver.operators.moments import moment_equations, moments
 from kinetic_solver.plan import Plan
 from kinetic_solver.plan.moving_frame import Place
 from kinetic_solver.solver.budgets import Ledger
+from kinetic_solver.solver.observation import Observation
 from kinetic_solver.solver.regrid import ToOutput
 
 
-class Frames:
+class Writer:
     """Hands frames to a recorder."""
 
     def __init__(self, plan: Plan, recorder: Recorder, ledger: Ledger | None) -> None:
-        self.plan, self.recorder, self.ledger = plan, recorder, ledger
-        output = plan.scene.output
-        self._due = {group: plan.scene.times(getattr(output, group)) for group in type(output).model_fields}
+        self.schedule, self.output = plan.schedule, plan.output
+        self.recorder, self.ledger = recorder, ledger
 
-    def _is_due(self, group: str, time: float) -> bool:
-        return bool(np.any(np.abs(self._due[group] - time) <= 1e-9 * self.plan.scene.run.end_time))
-
-    def write(
-        self,
-        time: float,
-        grid: PhaseSpaceGrid,
-        place: Place,
-        f: Array,
-        total: tuple[float, float, float],
-        operator: CollisionRate | None,
-        diagnostics: dict[str, float],
-        shown: Array | None = None,
-    ) -> None:
-        """f on the solver's `grid`, in its frame at `place`. `shown`, on the output's grid, stands for f in the fields."""
-        due = {group for group in self._due if self._is_due(group, time)}
+    def write(self, frame: int, seen: Observation, diagnostics: dict[str, float], shown: Array | None = None) -> None:
+        """The frame of this number. `shown`, f on the output's grid, stands for what is seen in the fields."""
+        due = self.schedule.due[frame]
         if not due:
             return
-        out, convert = self.plan.output, ToOutput(grid, self.plan.output)
+        place = seen.plan.reference_frame.place(seen.clock)
+        convert = ToOutput(seen.grid, self.output)
         in_lab = shown
         if in_lab is None and due & {"f", "moments"}:
-            in_lab = convert(f, place)
-        frame: dict[str, dict[str, Any]] = {}
+            in_lab = convert(seen.f, place)
+        values: dict[str, dict[str, Any]] = {}
         if "f" in due:
-            frame["f"] = {"f": in_lab}
+            values["f"] = {"f": in_lab}
         if "moments" in due:
             assert in_lab is not None
-            if shown is not None:
-                m, velocity, scale = moments(out, shown), 0.0, 1.0
-            else:  # over the velocities that the solver holds, w = (v - U)/λ
-                m = moments(dataclasses.replace(grid, nx=out.nx), convert.along_x(f, place))
-                velocity, scale = place.velocity, place.scale
-            frame["moments"] = {
-                "density": m.density,
-                "mean_velocity": velocity + scale * m.mean_velocity,
-                "temperature": scale**2 * m.temperature,
-                "heat_flux": scale**3 * m.heat_flux,
-                "velocity_distribution": in_lab.sum(axis=0) * out.dx,
-            }
+            values["moments"] = self._moments(seen, place, convert, shown)
+            values["moments"]["velocity_distribution"] = in_lab.sum(axis=0) * self.output.dx
         if "scalars" in due:
-            mass, momentum, energy = place.totals(total)
-            frame["scalars"] = {"mass": mass, "momentum": momentum, "energy": energy, **diagnostics}
+            mass, momentum, energy = place.totals(seen.totals)
+            values["scalars"] = {"mass": mass, "momentum": momentum, "energy": energy, **diagnostics}
         if "budgets" in due and self.ledger is not None:
-            frame["budgets"] = self.ledger.record()
+            values["budgets"] = self.ledger.record()
         if "moment_equations" in due:
-            rate = operator.rate(f) if operator is not None else None
-            frame["moment_equations"] = moment_equations(grid, self.plan.inner.model, f, rate)
-        self.recorder.record(time, frame)
+            operator = seen.scheme.operator
+            rate = operator.rate(seen.f) if operator is not None else None
+            values["moment_equations"] = moment_equations(seen.grid, seen.plan.inner.model, seen.f, rate)
+        self.recorder.record(float(self.schedule.times[frame]), values)
+
+    def _moments(self, seen: Observation, place: Place, convert: ToOutput, shown: Array | None) -> dict[str, Any]:
+        """Over the velocities that the solver holds, w = (v - U)/λ; of what is shown over those of the output."""
+        if shown is not None:
+            m, velocity, scale = moments(self.output, shown), 0.0, 1.0
+        else:
+            m = moments(dataclasses.replace(seen.grid, nx=self.output.nx), convert.along_x(seen.f, place))
+            velocity, scale = place.velocity, place.scale
+        return {
+            "density": m.density,
+            "mean_velocity": velocity + scale * m.mean_velocity,
+            "temperature": scale**2 * m.temperature,
+            "heat_flux": scale**3 * m.heat_flux,
+        }

@@ -1,109 +1,118 @@
-"""Steps under error control."""
+"""Steps of a method with an error estimate: as long as error control lets them be, or of equal length."""
 
 from __future__ import annotations
 
+import dataclasses
 import math
-import warnings
 from collections.abc import Callable
+from dataclasses import dataclass
 
 from kinetic_solver.arrays import Array
 from kinetic_solver.errors import StepTooSmall
 from kinetic_solver.stepping.methods import Extrapolated
-from kinetic_solver.stepping.protocol import Observer, count_of
+from kinetic_solver.stepping.protocol import Stalled, Step, count_of
+
+DEEPEST = 20
+"""Halvings of an interval: 10⁶ steps in it, beyond which error control gives up."""
+MARGIN = 0.3
+"""Of the error allowed to a step of twice the length, below which the next step is that long. It spares rejections."""
+SAME = (1 / 4, 1.5)
+"""An error per unit of time within these factors of that of the longer step before has fallen no faster than the step itself."""
+
+
+@dataclass(frozen=True)
+class Pace:
+    """All that one step under error control hands to the next."""
+
+    length: float
+    """To try first in a new interval."""
+    limit: float = 1.0
+    """Of the error over the tolerance; larger where something else than the step limits the error."""
+    place: int = 0
+    """How far the interval is done, in units of interval/2^DEEPEST: exact."""
+    level: int | None = None
+    """Halvings of the interval that make the next step; None at an interval's start."""
+    failed: float = math.inf
+    """Error over tolerance of the last rejected try of this step; inf where there was none."""
+    useless: int = 0
+    """Tries in a row whose error fell no faster than the step."""
 
 
 class Controlled:
     """As few steps as keep the estimated error of each below tolerance(f)·(its length).
 
-    Lengths are the interval over powers of two, so that substeps build few tables, and at most `longest`. With `fixed`, equal
-    steps of at most that length instead. `error` adds up the estimates; `steps` and `rejected` count.
+    Lengths are the interval over powers of two, so that substeps build few tables, and at most `longest`.
+    Orders: those of the method. Test: tests/convergence/test_stepping.py.
     """
 
-    DEEPEST = 20
-
-    def __init__(
-        self,
-        method: Extrapolated,
-        tolerance: Callable[[Array], float],
-        longest: float = math.inf,
-        fixed: float | None = None,
-        limited: Callable[[float], bool] | None = None,
-    ) -> None:
+    def __init__(self, method: Extrapolated, tolerance: Callable[[Array], float], longest: float = math.inf) -> None:
         self.method = method
         self.tolerance = tolerance
         self.longest = longest
-        self.fixed = fixed
-        self.limited = limited or _warn_of_the_grid
-        """Asked, with the length of steps below which errors fall no faster than the step, whether it is the grid that limits
-        them: then what the longer step reached is good enough. May raise."""
-        self.error = 0.0
-        self.steps = 0
-        self.rejected = 0
-        self.shortest = math.inf
-        """The shortest step taken."""
-        self._limit = 1.0
-        """Of the error over the tolerance; more where the grid, not the step, limits it."""
-        self._length = longest
+        self.order, self.error_order = method.order, method.error_order
 
-    def advance(self, f: Array, interval: float, observer: Observer) -> Array:
-        if self.fixed is not None:
-            count = count_of(interval, self.fixed)
-            for n in range(count):
-                f, error = self.method.step(f, interval / count)
-                self._accept(error, interval / count)
-                observer(f, interval * (n + 1) / count)
-            return f
-        # The place in the interval, in units of interval/2^DEEPEST: exact.
-        whole, place = 2**self.DEEPEST, 0
-        shallowest = self._level(interval, self.longest)
-        level = max(shallowest, self._level(interval, self._length))
-        failed, useless = math.inf, 0
-        while place < whole:
-            units, h = whole >> level, interval / 2**level
-            new, error = self.method.step(f, h)
-            allowed = self.tolerance(f) * h
-            # A NaN is no small error. One that twice falls just as the step does is not the method's, but the grid's.
-            excess = error / allowed if math.isfinite(error) else math.inf
-            useless = useless + 1 if failed / 4 < excess < 1.5 * failed < math.inf else 0
-            if excess > self._limit and useless == 2 and self.limited(2 * h):
-                self._limit = 4 * failed  # the longer step was as good
-            if not excess <= self._limit:
-                if level == self.DEEPEST:
-                    raise StepTooSmall(f"no step down to {h:.2g} keeps the error asked for")
-                more = math.ceil(math.log2(excess) / self._order) if math.isfinite(excess) else 1
-                level = min(self.DEEPEST, level + max(1, more))
-                self.rejected += 1
-                failed = excess
-                continue
-            failed = math.inf
-            f, place, self._length = new, place + units, h
-            self._accept(error, h)
-            observer(f, interval * (place / whole))
-            # Longer again, with a margin that spares rejections, where the place lies on the coarser lattice.
-            if excess < 0.3 * self._limit / 2**self._order:
-                self._length = 2 * h
-                if level > shallowest and place % (2 * units) == 0:
-                    level -= 1
-        return f
+    def begin(self, state: Array, time: float) -> Pace:
+        return Pace(self.longest)
+
+    def step(self, state: Array, memory: Pace, start: float, interval: float) -> Step | Stalled:
+        shallowest = _level(interval, self.longest)
+        level = max(shallowest, _level(interval, memory.length)) if memory.level is None else memory.level
+        limit, failed, useless = memory.limit, memory.failed, memory.useless
+        while True:
+            h = interval / 2**level
+            new, error = self.method.step(state, h)
+            allowed = self.tolerance(state) * h
+            excess = error / allowed if math.isfinite(error) else math.inf  # a NaN is no small error
+            useless = useless + 1 if SAME[0] * failed < excess < SAME[1] * failed < math.inf else 0
+            if excess <= limit:
+                return self._accepted(new, error, excess, level, shallowest, memory, interval)
+            if useless == 2:
+                here = dataclasses.replace(memory, level=level, failed=failed, useless=useless)
+                # The longer step was as good: its error, with some room, is what will do from now on.
+                accepting = dataclasses.replace(here, limit=4 * failed)
+                return Stalled(2 * h, accepting, here)
+            if level == DEEPEST:
+                raise StepTooSmall(f"no step down to {h:.2g} keeps the error asked for")
+            more = math.ceil(math.log2(excess) / self._expected_order) if math.isfinite(excess) else 1
+            level = min(DEEPEST, level + max(1, more))
+            failed = excess
+
+    def _accepted(
+        self, new: Array, error: float, excess: float, level: int, shallowest: int, memory: Pace, interval: float
+    ) -> Step:
+        units, whole, h = 2 ** (DEEPEST - level), 2**DEEPEST, interval / 2**level
+        place, length = memory.place + units, h
+        if excess < MARGIN * memory.limit / 2**self._expected_order:
+            length = 2 * h
+            if level > shallowest and place % (2 * units) == 0:  # where the place lies on the coarser lattice
+                level -= 1
+        later = Pace(length, memory.limit) if place == whole else Pace(length, memory.limit, place, level)
+        return Step(new, interval * (place / whole), h, error, later)
 
     @property
-    def _order(self) -> int:
-        return self.method.lower_order or 1
-
-    def _level(self, interval: float, length: float) -> int:
-        """The least number of halvings that brings the interval down to `length`."""
-        return min(self.DEEPEST, max(0, math.ceil(math.log2(interval / length) - 1e-9))) if length < interval else 0
-
-    def _accept(self, error: float, h: float) -> None:
-        self.error += error
-        self.shortest = min(self.shortest, h)
-        self.steps += 1
+    def _expected_order(self) -> int:
+        """With which the estimate falls."""
+        return self.error_order or 1
 
 
-def _warn_of_the_grid(step: float) -> bool:
-    warnings.warn(
-        f"steps shorter than {step:.2g} no longer help: the grid limits the accuracy; widen grid.velocity_window or raise "
-        "grid.nv",
-        stacklevel=4,
-    )
-    return True
+class Fixed:
+    """Equal steps of at most `longest`, as few as fill the interval. The memory is the number of steps done in it."""
+
+    def __init__(self, method: Extrapolated, longest: float) -> None:
+        self.method = method
+        self.longest = longest
+        self.order, self.error_order = method.order, method.error_order
+
+    def begin(self, state: Array, time: float) -> int:
+        return 0
+
+    def step(self, state: Array, memory: int, start: float, interval: float) -> Step:
+        count = count_of(interval, self.longest)
+        h, done = interval / count, memory + 1
+        new, error = self.method.step(state, h)
+        return Step(new, interval if done == count else interval * done / count, h, error, done % count)
+
+
+def _level(interval: float, length: float) -> int:
+    """The least number of halvings that brings the interval down to `length`."""
+    return min(DEEPEST, max(0, math.ceil(math.log2(interval / length) - 1e-9))) if length < interval else 0

@@ -1,15 +1,18 @@
-"""A chain of exact steps."""
+"""A chain of exact steps, and from it one exact step to any time between."""
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import warnings
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, Protocol
 
 from kinetic_solver.arrays import Array
 from kinetic_solver.errors import LostAccuracy
-from kinetic_solver.stepping.protocol import Observer, Stepper, Substep, count_of
+from kinetic_solver.stepping.drive import advance
+from kinetic_solver.stepping.protocol import Step, Stepper, Substep, count_of
 
 
 class ExactStep(Protocol):
@@ -41,98 +44,121 @@ class Plain:
         return lifted
 
 
+@dataclass(frozen=True)
+class Link:
+    """A state of the chain, in its lifted form."""
+
+    time: float
+    lifted: Any
+
+
+@dataclass(frozen=True)
+class Chain:
+    """The memory of `ExactSteps`."""
+
+    links: tuple[Link, ...]
+    """The last, and the one before if there is one; none where the start itself could not be lifted."""
+    piece: int = 0
+    """Pieces of the interval that are done."""
+
+    @property
+    def begun(self) -> bool:
+        """True once there is a link after the first."""
+        return len(self.links) > 1
+
+
 class ExactSteps:
     """A chain of exact steps, each at least `shortest` long, and from its states one exact step to every time between.
 
     So a step that is too short to be accurate is never built upon, and after the first link none is taken. `early`, if given,
-    makes f at a time before `shortest`. Intervals are seen in equal pieces of at most `longest`. `fallback` takes over a step
-    that loses its accuracy. `between`, if set, is called as between(f_at, start, end) for each piece before it is taken, where
-    f_at(t) is f at any t of the piece. Times count from the first call.
+    makes f at a time before `shortest`. Intervals are done in equal pieces of at most `longest`. `fallback` takes over a step
+    that loses its accuracy, with a warning; without it LostAccuracy is raised. Links are counted from time 0.
     """
+
+    order = math.inf
+    error_order = None
 
     def __init__(
         self,
-        step: ExactStep,
+        step_of: ExactStep,
         longest: float = math.inf,
         shortest: float = 0.0,
         early: Callable[[float], Array] | None = None,
         fallback: Stepper | None = None,
     ) -> None:
-        self.step = step
+        self.exact = step_of
         self.longest = longest
         self.shortest = shortest
         self.early = early
         self.fallback = fallback
-        self.between: Callable[[Callable[[float], Array], float, float], None] | None = None
-        self._links: list[tuple[float, Any]] = []
-        """The chain's last lifted state, and the one before: (time, state)."""
-        self._time = 0.0
         self._warned = False
 
-    def advance(self, f: Array, interval: float, observer: Observer) -> Array:
-        if not self._links:
-            try:
-                self._links = [(0.0, self.step.lift(f))]
-            except LostAccuracy as lost:  # as the start is, so all that follows: nothing to return to
-                if self.fallback is None:
-                    raise
-                warnings.warn(f"{lost}: the quadrature path takes over", stacklevel=2)
-                return self.fallback.advance(f, interval, observer)
+    def begin(self, state: Array, time: float) -> Chain:
+        try:
+            return Chain((Link(time, self.exact.lift(state)),))
+        except LostAccuracy as lost:  # as the start is, so all that follows: there is nothing to return to
+            self._say(lost)
+            return Chain(())
+
+    def step(self, state: Array, memory: Chain, start: float, interval: float) -> Step:
+        if not memory.links:
+            assert self.fallback is not None
+            return Step(advance(self.fallback, state, start, interval), interval, interval, 0.0, memory)
         count = count_of(interval, self.longest)
-        h, start = interval / count, self._time
-        for n in range(count):
-            if self.between is not None:
-                self.between(self._f_at, start + n * h, start + (n + 1) * h)
-            self._time = start + (n + 1) * h
-            if self._far_enough(self._time, self._links[0][0]):
-                lifted, f = self._step(self._links[0], self._time)
-                self._links = [(self._time, lifted), self._links[0]]
-            else:
-                f = self._f_at(self._time)
-            observer(f, (n + 1) * h)
-        return f
+        h, done = interval / count, memory.piece + 1
+        elapsed = interval if done == count else done * h
+        time = start + elapsed
+        chain = memory
+        if self._far_enough(time, memory.links[0]):
+            lifted, f = self._from(memory.links[0], time)
+            chain = Chain((Link(time, lifted), memory.links[0]))
+        else:
+            f = self._at(memory, time)
+        later = dataclasses.replace(chain, piece=done % count)
+        return Step(f, elapsed, h, 0.0, later, within=lambda t: self._at(memory, start + t))
 
-    @property
-    def chained(self) -> bool:
-        """True once the chain has a link after its first."""
-        return len(self._links) > 1
+    def carried(self, memory: Chain, to: ExactSteps, convert: Callable[[Array], Array]) -> Chain:
+        """The chain as the memory of another stepper, its states being `convert` of what they were: on another grid."""
+        lower, lift = self.exact.lower, to.exact.lift
+        return Chain(tuple(Link(link.time, lift(convert(lower(link.lifted)))) for link in memory.links))
 
-    def carry_over(self, step: ExactStep, convert: Callable[[Array], Array]) -> None:
-        """Go on with another step, the chain's states being `convert` of what they were: on another grid."""
-        self._links = [(time, step.lift(convert(self.step.lower(lifted)))) for time, lifted in self._links]
-        self.step = step
+    def _far_enough(self, time: float, link: Link) -> bool:
+        return time - link.time >= self.shortest * (1 - 1e-9)
 
-    def _far_enough(self, time: float, since: float) -> bool:
-        return time - since >= self.shortest * (1 - 1e-9)
-
-    def _f_at(self, time: float) -> Array:
-        link = self._links[0]
-        if not self._far_enough(time, link[0]):
-            if len(self._links) > 1:
-                link = self._links[1]
+    def _at(self, chain: Chain, time: float) -> Array:
+        """f at any time after the chain's last link but one, by one step from the chain."""
+        link = chain.links[0]
+        if not self._far_enough(time, link):
+            if chain.begun:
+                link = chain.links[1]
             elif self.early is not None:
                 return self._or_fall_back(lambda: (None, self.early(time)), link, time)[1]  # type: ignore[misc]
-        return self._step(link, time)[1]
+        return self._from(link, time)[1]
 
-    def _step(self, link: tuple[float, Any], time: float) -> tuple[Any, Array]:
-        """(lifted state, f) at the time, from a link of the chain."""
+    def _from(self, link: Link, time: float) -> tuple[Any, Array]:
+        """(lifted state, f) at the time, by one step from a link."""
         # Equal times apart must be equal numbers, for substeps keep tables by them.
-        h = float(f"{time - link[0]:.12e}")
+        h = float(f"{time - link.time:.12e}")
 
         def exact() -> tuple[Any, Array]:
-            new = self.step.propagate(link[1], h)
-            return new, self.step.lower(new)
+            new = self.exact.propagate(link.lifted, h)
+            return new, self.exact.lower(new)
 
         return self._or_fall_back(exact, link, time)
 
-    def _or_fall_back(self, exact: Callable[[], tuple[Any, Array]], link: tuple[float, Any], time: float) -> tuple[Any, Array]:
+    def _or_fall_back(self, exact: Callable[[], tuple[Any, Array]], link: Link, time: float) -> tuple[Any, Array]:
         try:
             return exact()
         except LostAccuracy as lost:
-            if self.fallback is None:
-                raise
-            if not self._warned:
-                self._warned = True
-                warnings.warn(f"{lost}: the quadrature path takes over", stacklevel=2)
-            f = self.fallback.advance(self.step.lower(link[1]), time - link[0], lambda f, elapsed: None)
-            return self.step.lift(f), f
+            self._say(lost)
+            assert self.fallback is not None
+            f = advance(self.fallback, self.exact.lower(link.lifted), link.time, time - link.time)
+            return self.exact.lift(f), f
+
+    def _say(self, lost: LostAccuracy) -> None:
+        """Warns, once, that the fallback takes over; raises what was lost where there is none."""
+        if self.fallback is None:
+            raise lost
+        if not self._warned:
+            self._warned = True
+            warnings.warn(f"{lost}: the quadrature path takes over", stacklevel=2)

@@ -1,4 +1,4 @@
-"""Base methods, and Richardson extrapolation of them."""
+"""Base methods, which compose substeps into equal steps over an interval, and Richardson extrapolation of them."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ def strang(outer: Substep, inner: Substep) -> BaseMethod:
     Test: tests/convergence/test_stepping.py.
     """
 
-    def method(f: Array, interval: float, steps: int) -> Array:
+    def over(f: Array, interval: float, steps: int) -> Array:
         h = interval / steps
         f = outer(f, h / 2)
         for _ in range(steps - 1):
             f = outer(inner(f, h), h)
         return outer(inner(f, h), h / 2)
 
-    return method
+    return BaseMethod(over, order=2, stride=2)
 
 
 def lawson(rate: Rate, linear: Substep) -> BaseMethod:
@@ -34,7 +34,7 @@ def lawson(rate: Rate, linear: Substep) -> BaseMethod:
     round-off. Stable for steps below about 2.8/|the rate's eigenvalue|. Order 4. Test: tests/convergence/test_stepping.py.
     """
 
-    def method(f: Array, interval: float, steps: int) -> Array:
+    def over(f: Array, interval: float, steps: int) -> Array:
         h = interval / steps
         for _ in range(steps):
             k1 = rate(f)
@@ -45,31 +45,34 @@ def lawson(rate: Rate, linear: Substep) -> BaseMethod:
             f = linear(f + h / 6 * k1 + h / 3 * (k2 + k3), h / 2) + h / 6 * k4
         return f
 
-    return method
+    return BaseMethod(over, order=4, stride=1)
 
 
 class Extrapolated:
-    """Richardson extrapolation: results of a base method with `counts` steps, combined so that errors h^p, p in `powers`, cancel.
+    """Richardson extrapolation: results of a base method with `counts` steps, combined so that the leading errors cancel.
 
-    Strang's method with counts (1, 2, 3, 4) and powers (2, 4, 6) gives order 8, Lawson's with (1, 2) and (4,) order 5.
-    Positivity is lost by terms of the order of the error. Orders, two-sided: tests/convergence/test_stepping.py.
+    One error term h^p less for every count after the first. Strang's method with counts (1, 2, 3, 4) has order 8, Lawson's with
+    (1, 2) order 5; with one count the base method is taken as it is. Positivity is lost by terms of the order of the error.
+    Orders, two-sided: tests/convergence/test_stepping.py.
     """
 
-    def __init__(self, base: BaseMethod, counts: Sequence[int] = (1,), powers: Sequence[int] = ()) -> None:
+    def __init__(self, base: BaseMethod, counts: Sequence[int] = (1,)) -> None:
         self.base = base
         self.counts = tuple(counts)
-        self._weights = _weights(counts, powers)
-        self._lower = np.append(0.0, _weights(counts[1:], powers[:-1])) if powers else self._weights
-        self.lower_order = powers[-1] if powers else None
-        """Order of the estimate: the error of the result without the last cancellation."""
+        powers = [base.order + base.stride * n for n in range(len(self.counts) - 1)]
+        self.order = base.order + base.stride * len(powers)
+        self.error_order = powers[-1] if powers else None
+        """Of the error that `step` estimates: that of the result without the last cancellation."""
+        self._weights = _weights(self.counts, powers)
+        self._lower = np.append(0.0, _weights(self.counts[1:], powers[:-1])) if powers else self._weights
 
     def step(self, f: Array, h: float) -> tuple[Array, float]:
         """(f after h, the estimated max|error| of the next lower order; 0 where nothing is extrapolated)."""
-        finest = self.base(f, h, self.counts[-1])
+        finest = self.base.over(f, h, self.counts[-1])
         best, lower = finest.copy(), np.zeros_like(f)
         # Corrections to the finest result: what all results conserve stays, though the weights are rounded.
         for n, weight, low in zip(self.counts[:-1], self._weights, self._lower, strict=False):
-            correction = self.base(f, h, n) - finest
+            correction = self.base.over(f, h, n) - finest
             best += weight * correction
             lower += (weight - low) * correction
         return best, float(np.abs(lower).max())

@@ -1,0 +1,219 @@
+"""Which scheme serves each part of the equation, and the longest step: made from the criteria of in_x.py, in_v.py and in_t.py.
+
+What `[grid]` gives is kept; what cannot be is refused, with SceneError.
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Callable
+
+from kinetic_solver import initial
+from kinetic_solver.errors import SceneError
+from kinetic_solver.grid import PhaseSpaceGrid
+from kinetic_solver.operators.velocity.kernel import resolved_spacing
+from kinetic_solver.plan import in_t, in_v, in_x, measured
+from kinetic_solver.plan.criterion import Criterion, strictest
+from kinetic_solver.plan.moving_frame import ReferenceFrame
+from kinetic_solver.plan.scales import Scales
+from kinetic_solver.plan.waves import Waves
+from kinetic_solver.scene import (
+    FOLLOW_LEADER,
+    INELASTIC,
+    Deposit,
+    DriftDiffusionScheme,
+    Scene,
+    SteppingScheme,
+    VelocityScheme,
+)
+
+WORTH_MOVING = 1.5
+"""How many times narrower a moving frame must make the window: frames are interpolated then. Chosen."""
+FINITE_VOLUMES_COARSER = 4.0
+"""How many times the dv of the kernel finite volumes of order 8 must allow, to take its place. Chosen: they are less accurate."""
+LINEAR_ENOUGH = 1e-2
+"""rtol from which on operator (12) takes the linear deposit, which is positive."""
+PRODUCT_COST = 200
+"""Velocity points at which an exact step's product with the kernel costs as much as its transforms and exponentials. Chosen: it
+decides between steps of nearly the same cost."""
+EXACT_STEP_PARTS = (1, 1.5, 2, 3, 4, 6, 8, 12, 16)
+"""Parts of the farthest exact step that are tried."""
+HERMITE_NEAR = (0.5, 1.5)
+"""Temperatures over σ between which Hermite functions of variance σ are few: coefficients fall as |1 - θ/σ|^(n/2). Chosen."""
+
+
+def check_given(scales: Scales) -> None:
+    """Refuses what no tolerance could excuse."""
+    scene = scales.scene
+    if scene.initial.eigenmodes:
+        initial.check_eigenmodes(scene, scales.start_velocity, scales.start_temperature)
+    if scene.grid.velocity_window is not None:
+        (low, high), (slowest, fastest) = scene.grid.velocity_window, scales.means
+        if not (low < slowest and fastest < high):
+            raise SceneError(
+                f"grid.velocity_window = [{low:g}, {high:g}]: does not hold the mean velocities from {slowest:.4g} to "
+                f"{fastest:.4g} that the flow takes; allowed: a window some standard deviations wider than these"
+            )
+    if scene.grid.nx is not None and not scene.homogeneous and scene.initial.file is None:
+        least = in_x.least_points(scales)
+        if scene.grid.nx < least:
+            raise SceneError(f"grid.nx = {scene.grid.nx}: cannot hold the initial state; allowed: {least} or more")
+
+
+def reference_frame(scales: Scales, clocked: Callable[[ReferenceFrame], Scales]) -> tuple[ReferenceFrame, Scales]:
+    """The frame to solve in, and the scales there: a moving one where gravity would ask for a much wider window, or friction
+    without noise for an ever finer dv. `clocked` gives the scales in a frame."""
+    scene, given = scales.scene, scales.scene.grid
+    rest = ReferenceFrame(scene.model)
+    if given.nv or given.velocity_window or given.velocity == "hermite" or scene.initial.file or scene.output.moment_equations:
+        return rest, scales
+    moving = ReferenceFrame(scene.model, moving=True, start=scales.start_velocity)
+    if moving.noiseless:
+        return (moving, clocked(moving)) if scales.shifted else (rest, scales)
+    there = clocked(moving)
+    here_window, there_window = in_v.window(scales), in_v.window(there)
+    # Finite volumes, which stand in for the kernel where noise hardly acts, want the terminal velocity within the window.
+    outside = not here_window.low < scene.model.gravity / scene.model.friction < here_window.high
+    if here_window.width > WORTH_MOVING * there_window.width or outside:
+        return moving, there
+    return rest, scales
+
+
+def velocity(scales: Scales) -> VelocityScheme:
+    """As given, or points."""
+    scene, model = scales.scene, scales.scene.model
+    name = scene.grid.velocity or "points"
+    if name == "points":
+        return name
+    hottest = float(scales.temperature.max())
+    if model.noise > 0 and hottest >= 2 * model.noise:
+        raise SceneError(
+            f"grid.velocity = 'hermite': functions of variance noise = {model.noise:g} cannot hold a temperature of "
+            f"{hottest:g}, twice that or more; allowed here: 'points'"
+        )
+    if model.friction * model.noise == 0:
+        raise SceneError("grid.velocity = 'hermite': needs friction > 0 and noise > 0; allowed here: 'points'")
+    if scene.grid.stepping == "strang" or scene.grid.drift_diffusion is not None:
+        raise SceneError(
+            "grid.velocity = 'hermite': has no 'strang' stepping and no drift_diffusion scheme; remove grid.stepping or "
+            "grid.drift_diffusion, or set grid.velocity = 'points'"
+        )
+    return name
+
+
+def hermite_may_pay(scales: Scales) -> bool:
+    """Whether Hermite functions are worth counting: for (12), near σ at all times, and nothing said that speaks of points."""
+    scene, sigma, given = scales.scene, scales.scene.model.noise, scales.scene.grid
+    if scene.operator != INELASTIC or scene.model.friction * sigma == 0 or scene.initial.file is not None:
+        return False
+    if any((given.nv, given.velocity_window, given.velocity, given.stepping, given.drift_diffusion, given.deposit)):
+        return False
+    low, high = HERMITE_NEAR
+    return scales.theta_min > low * sigma and scales.theta_max < high * sigma
+
+
+def stepping(scene: Scene) -> SteppingScheme:
+    """As given; else exact where there is an exact step."""
+    if scene.operator is None:
+        return "exact"
+    given = scene.grid.stepping
+    if given == "exact" and scene.operator == INELASTIC:
+        raise SceneError(
+            "grid.stepping = 'exact': operator (12), 'inelastic', has no exact step; allowed: 'extrapolated', 'strang'"
+        )
+    return given or ("exact" if scene.operator == FOLLOW_LEADER else "extrapolated")
+
+
+def drift_diffusion(scales: Scales, waves: Waves) -> DriftDiffusionScheme:
+    """As given; else the kernel, but where noise hardly acts with (6), which needs accuracy relative to f: the kernel has that
+    where dv resolves its width."""
+    model, given = scales.scene.model, scales.scene.grid.drift_diffusion
+    if model.friction * model.noise == 0 and given not in (None, "kernel"):
+        raise SceneError(f"grid.drift_diffusion = {given!r}: needs friction > 0 and noise > 0; allowed here: 'kernel'")
+    if given is None and scales.scene.operator == FOLLOW_LEADER and model.friction * model.noise > 0:
+        kernel = in_v.exact_step_spacing(scales, waves, in_t.farthest_exact_step(scales))
+        if in_v.finite_volumes_for_weak_noise(scales) > FINITE_VOLUMES_COARSER * kernel:
+            return "finite-volume-8"
+    return given or "kernel"
+
+
+def deposit(scene: Scene) -> tuple[Deposit | None, str | None]:
+    """Of operator (12), and the reason where it was not given."""
+    if scene.operator != INELASTIC:
+        return None, None
+    if scene.grid.deposit:
+        return scene.grid.deposit, None
+    if scene.accuracy.rtol >= LINEAR_ENOUGH:
+        return "linear", "positive, and accurate enough"
+    return "quintic", "fewest points in v"
+
+
+def time_step(
+    scales: Scales, waves: Waves, stepping: SteppingScheme, velocity: VelocityScheme, width: float
+) -> tuple[float | None, str | None]:
+    """The longest step (None: from frame to frame), and the reason where it was not given; `width` is the window's."""
+    scene, given = scales.scene, scales.scene.grid.time_step
+    if scene.operator is None:
+        return None, None
+    if given:
+        return (min(given, in_t.farthest_exact_step(scales)) if stepping == "exact" else given), None
+    if stepping == "strang":
+        found = in_t.longest_strang_step(scales, waves)
+        return found.value, found.reason
+    limits = [in_t.longest_gap(scales)]
+    if stepping == "extrapolated" and scene.output.budgets is not False:
+        limits.append(in_t.budget_step(scales))
+    if scene.operator == INELASTIC:
+        limits.append(in_t.longest_believed(scales, waves))
+    if stepping == "exact":
+        farthest = in_t.farthest_exact_step(scales)
+        limits.append(Criterion(farthest, "how far collisions move the flow within a step"))
+        if velocity == "points" and scene.grid.nv is None:
+            limits.append(Criterion(cheapest_exact_step(scales, waves, width), "fewest points in v"))
+    found = strictest(limits)
+    return found.value, ("exact; " if stepping == "exact" else "error control; at most ") + found.reason
+
+
+def cheapest_exact_step(scales: Scales, waves: Waves, width: float) -> float:
+    """Shorter steps shear less, so dv may be coarser, until the kernel of a step asks for a finer one."""
+    best = (math.inf, 0.0)
+    for n in EXACT_STEP_PARTS:
+        h = in_t.farthest_exact_step(scales) / n
+        points = width / strictest(in_v.spacings(scales, waves, in_v.Schemes("exact", "kernel", None, h))).value
+        best = min(best, (n * points * (PRODUCT_COST + points), h))
+    return best[1]
+
+
+def warn_of_a_long_strang_step(scales: Scales, waves: Waves) -> None:
+    """A given step is kept as given."""
+    h = scales.scene.grid.time_step
+    if h is not None and (error := in_t.strang_error(scales, waves, h)) > scales.rtol:
+        warnings.warn(
+            f"grid.time_step = {h:g}: Strang's splitting errs by about {error:.2g} of max f (accuracy.rtol = {scales.rtol:g}); "
+            "reduce it, or leave it out",
+            stacklevel=3,
+        )
+
+
+def warn_of_an_unresolved_kernel(
+    scales: Scales, grid: PhaseSpaceGrid, shortest: float | None, drift_diffusion: DriftDiffusionScheme
+) -> None:
+    """Where dv is too coarse for the kernel of a run's steps with (6), none longer than this, and what takes its place, finite
+    volumes of order 8, errs by more than rtol."""
+    model = scales.scene.model
+    kernel = drift_diffusion == "kernel" and model.friction * model.noise > 0
+    if shortest is None or not kernel or scales.scene.operator != FOLLOW_LEADER:
+        return
+    h = in_t.shortest_step_that_fills(scales, shortest)
+    resolved = resolved_spacing(model, h)
+    coefficient, order = measured.FINITE_VOLUME_ERROR["finite-volume-8"]
+    error = coefficient * in_v.tail_weight(scales) * (grid.dv / math.sqrt(model.noise)) ** order
+    if grid.dv > resolved and error > scales.rtol:
+        enough = math.ceil((grid.high - grid.low) / resolved)
+        warnings.warn(
+            f"dv = {grid.dv:.3g} is too coarse for the Ornstein-Uhlenbeck kernel of a step of {h:.3g}, and what takes its "
+            f"place errs by about {error:.1g} (accuracy.rtol = {scales.rtol:g}); raise grid.nv to {enough} or lengthen "
+            "grid.time_step",
+            stacklevel=3,
+        )

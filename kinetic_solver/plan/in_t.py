@@ -1,0 +1,136 @@
+"""Steps in time: how long they may be, how short, and how many they will be.
+
+Exact steps have no error in time; their length is bounded by what happens within them. The others are bounded by the error that
+their method makes, Strang's by a measured rule, extrapolated ones by their own estimate while they run.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from kinetic_solver.arrays import Array
+from kinetic_solver.grid import PhaseSpaceGrid
+from kinetic_solver.operators.velocity.kernel import resolution
+from kinetic_solver.plan import measured
+from kinetic_solver.plan.criterion import Criterion
+from kinetic_solver.plan.scales import Scales
+from kinetic_solver.plan.waves import Waves
+from kinetic_solver.scene import FOLLOW_LEADER, SteppingScheme
+from kinetic_solver.stepping import count_of
+
+FARTHEST = (4.0, 2.0)
+"""Of an exact step, in mean times between thermal collisions and in relaxation times. Chosen: within a step are states on which
+friction has not yet acted, and collisions then move them by a few √θ at most."""
+ERROR_SHARE = {True: 0.3, False: 0.4}
+"""Of rtol, to the estimated errors of all steps together, with (6) and with (12). Chosen: the rest is the grid's."""
+STABLE = 5.0
+"""Step times collision frequency at the window's edge that the extrapolated Lawson method is expected to take: its base method,
+two steps of which make one, is stable to 2.8. It only foretells the number of steps. Chosen."""
+MIXING = (6.0, 12, 4)
+"""(a, n, m): budgets are integrated on up to n intervals, m for each mode, within a/(k√θ_min), in which free motion mixes the
+start's longest wave k away. Chosen."""
+
+
+def farthest_exact_step(scales: Scales) -> float:
+    """Within an exact step are states that friction has not yet acted on: collisions may move them by a few √θ."""
+    free, relaxation = FARTHEST
+    friction = scales.scene.model.friction
+    return min(free / scales.collision_rate, relaxation / friction if friction > 0 else math.inf, scales.end)
+
+
+def shortest_exact_step(scales: Scales, waves: Waves, grid: PhaseSpaceGrid) -> float:
+    """The time after which dv resolves the kernel, twice that in the local gauge; where none does, the farthest step.
+
+    The kernel's width after h is √(σ(1 - exp(-2γh))); it is to be `resolution`(rtol) times dv.
+    """
+    gamma, sigma = scales.scene.model.friction, scales.scene.model.noise
+    if gamma * sigma == 0 or scales.scene.operator is None:
+        return 0.0
+    spread = (resolution(scales.rtol) * grid.dv) ** 2 / sigma
+    longest = farthest_exact_step(scales)
+    if spread >= 1:
+        return longest
+    return min(longest, -math.log1p(-spread) / (2 * gamma) * (2 if waves.local_gauge else 1))
+
+
+def longest_strang_step(scales: Scales, waves: Waves) -> Criterion:
+    """At which Strang's splitting errs by rtol, and no longer than the time in which its parts fail to commute."""
+    coefficient, rate = strang_coefficient(scales), commutation_rate(scales, waves)
+    h = min(1.0, math.sqrt(scales.rtol / coefficient)) / rate
+    return Criterion(min(h, scales.end), f"splitting error {coefficient:.2g} (rate h)² = rtol, rate = {rate:.3g}")
+
+
+def strang_error(scales: Scales, waves: Waves, h: float) -> float:
+    """Of f over max f, of Strang's splitting in steps of h."""
+    return strang_coefficient(scales) * (commutation_rate(scales, waves) * h) ** 2
+
+
+def strang_coefficient(scales: Scales) -> float:
+    """Strang's error of f over max f, over (rate h)²."""
+    scene = scales.scene
+    if scene.operator == FOLLOW_LEADER:
+        return measured.STRANG_ERROR[FOLLOW_LEADER] * amplified_error(scales)
+    assert scene.operator is not None
+    return measured.STRANG_ERROR[scene.operator] * (1 - scene.restitution**2) ** 2
+
+
+def amplified_error(scales: Scales) -> float:
+    """By how much the errors of steps grow with (6) until the end of the run."""
+    return math.exp(measured.AMPLIFIED * scales.amplification) if scales.scene.operator == FOLLOW_LEADER else 1.0
+
+
+def commutation_rate(scales: Scales, waves: Waves) -> float:
+    """The fastest rate Λ at which the split parts of (2) fail to commute: γ, collisions, transport across a wave."""
+    k = 2 * math.pi / scales.scene.pipe.length * waves.highest_mode
+    return scales.scene.model.friction + scales.collision_rate + k * math.sqrt(scales.theta_max)
+
+
+def budget_step(scales: Scales) -> Criterion:
+    """The longest at which the budgets' integrals in time, quintic splines through the ends of the steps, are good."""
+    bound = measured.BUDGET_STEP
+    h = bound / max(scales.lab_friction + scales.collision_rate, bound / scales.end)
+    return Criterion(h, "the budgets' integrals in time")
+
+
+def longest_believed(scales: Scales, waves: Waves) -> Criterion:
+    """Of longer steps with (12) the estimate of the error cannot be believed."""
+    return Criterion(1 / commutation_rate(scales, waves), "where the error's estimate can be believed")
+
+
+def longest_gap(scales: Scales) -> Criterion:
+    return Criterion(float(np.diff(scales.times).max()), "from frame to frame")
+
+
+def shortest_step_that_fills(scales: Scales, time_step: float) -> float:
+    """The shortest of the equal steps, none longer than `time_step`, that fill the intervals between frames."""
+    return min(float(gap) / count_of(float(gap), time_step) for gap in np.diff(scales.times))
+
+
+def expected_steps(scales: Scales, waves: Waves, stepping: SteppingScheme, time_step: float | None) -> int:
+    """How many steps a run will take; with error control, about."""
+    h = math.inf if time_step is None else time_step
+    if stepping == "extrapolated" and scales.scene.grid.time_step is None:
+        by_accuracy = (scales.rtol / measured.LAWSON_ERROR) ** 0.2 / commutation_rate(scales, waves)
+        fastest = scales.collision_rate * scales.tail
+        h = min(h, by_accuracy, STABLE / fastest if fastest > 0 else math.inf)
+    return sum(count_of(float(gap), h) for gap in np.diff(scales.times))
+
+
+def error_share(scales: Scales) -> float:
+    """Of rtol, to the local errors of all steps together: less where (6) amplifies them later."""
+    if scales.scene.operator == FOLLOW_LEADER:
+        return ERROR_SHARE[True] * math.exp(-measured.AMPLIFIED * scales.amplification)
+    return ERROR_SHARE[False]
+
+
+def mixing_times(scales: Scales, waves: Waves) -> Array:
+    """Ends of the intervals on which the budgets of an exact step are integrated while the start's waves mix: a few per mean free
+    flight across the shortest."""
+    if scales.scene.homogeneous:
+        return np.empty(0)
+    reach, most, per_mode = MIXING
+    k, thermal = 2 * math.pi / scales.scene.pipe.length, math.sqrt(scales.theta_min)
+    count = min(most, math.ceil(per_mode * waves.highest_mode))
+    return reach / (k * thermal) * (np.arange(count) + 1) / count

@@ -1,0 +1,200 @@
+"""The velocity window, and how fine dv must be: every criterion is an upper bound of dv, or an edge of the window.
+
+Bounds the errors of f over max f by what is cut off at the edges (amplified, with (6)), by the waves in v that dv cannot hold, by
+kernels that it cannot resolve, and by the schemes that replace them. The rules in words: docs/accuracy.md.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from kinetic_solver import initial
+from kinetic_solver.arrays import Array
+from kinetic_solver.operators.velocity.kernel import resolution, resolved_spacing
+from kinetic_solver.plan import in_t, measured
+from kinetic_solver.plan.criterion import Criterion
+from kinetic_solver.plan.scales import Scales
+from kinetic_solver.plan.waves import DROPPED, Waves
+from kinetic_solver.scene import FOLLOW_LEADER, Deposit, DriftDiffusionScheme, SteppingScheme
+from kinetic_solver.stability.homogeneous import homogeneous_state
+from kinetic_solver.theory.ornstein_uhlenbeck import half_transport_time, transition
+
+LEAST_POINTS = 8
+"""In v: fewer hold no distribution."""
+NARROWEST = 2.0
+"""Points to a standard deviation of the narrowest distribution, at least. Chosen: f is drawn from its points."""
+EIGENMODE_REACH, EIGENMODE_POINTS = 12.0, 1024
+"""Thermal velocities and points on which the shapes of eigenmodes are looked at."""
+
+
+@dataclass(frozen=True)
+class Window:
+    low: float
+    high: float
+    reason: str
+
+    @property
+    def width(self) -> float:
+        return self.high - self.low
+
+
+def window(scales: Scales) -> Window:
+    """Mean ± tail of every Maxwellian that the flow passes through.
+
+    For (6) the slow side reaches further by twice R_t√θ: once since dense places move that much slower, once since a disturbance
+    there is amplified by up to exp(R_t w) (docs/theory.md, amplification).
+    """
+    low, high = scales.means
+    thermal = math.sqrt(scales.theta_max)
+    reach = scales.tail * thermal
+    if scales.amplified_shift:
+        # The kernel is a shift then, periodic in v: what leaves above comes back in the slow tail, which (6) amplifies.
+        reach = math.sqrt(scales.tail**2 + 2 * scales.amplification * scales.tail) * thermal
+    reason = f"{scales.tail:.1f} standard deviations about the means from {low:.3g} to {high:.3g}"
+    slower = 0.0
+    if scales.scene.operator == FOLLOW_LEADER:
+        slower = 2 * scales.amplification * thermal
+        reason += ", and the amplified slow tail of (6)"
+    return Window(low - reach - slower, high + reach, reason)
+
+
+def window_from_now_on(scales: Scales, mean_velocity: Array, temperature: Array, left: float) -> tuple[float, float]:
+    """As `window`, for the rest of a run from its present fields: (low, high)."""
+    step = transition(scales.scene.model, left)
+    means = [float(mean_velocity.min()), float(mean_velocity.max())]
+    means += [step.velocity_shift + mean * step.decay for mean in means]
+    hottest = float(temperature.max())
+    theta = max(hottest, min(hottest * step.decay**2 + step.velocity_variance, scales.theta_end))
+    reach = scales.tail * math.sqrt(theta)
+    slower = 2 * scales.scene.cross_section * scales.rho_max * math.sqrt(theta) * step.drift_time
+    return min(means) - reach - (slower if scales.scene.operator == FOLLOW_LEADER else 0.0), max(means) + reach
+
+
+@dataclass(frozen=True)
+class Schemes:
+    """What dv has to serve on velocity points."""
+
+    stepping: SteppingScheme
+    drift_diffusion: DriftDiffusionScheme
+    deposit: Deposit | None
+    time_step: float | None
+
+
+def spacings(scales: Scales, waves: Waves, schemes: Schemes) -> list[Criterion]:
+    """Every bound of dv."""
+    scene, model = scales.scene, scales.scene.model
+    bounds = [narrowest(scales, waves, schemes.time_step)]
+    if (q := waves.phase_mixing) > 0:
+        bounds.append(Criterion(math.pi / q, "phase mixing of the initial waves"))
+    if scene.initial.eigenmodes:
+        bounds.append(Criterion(_eigenmodes(scales), "the eigenmodes"))
+    if model.friction * model.noise > 0 and (scene.operator is not None or schemes.drift_diffusion != "kernel"):
+        bounds += _drift_diffusion(scales, waves, schemes)
+    if schemes.deposit is not None:
+        bounds.append(_deposit(scales, schemes.deposit))
+    return bounds
+
+
+def narrowest(scales: Scales, waves: Waves, time_step: float | None) -> Criterion:
+    """A Gaussian of variance θ has the spectrum exp(-θq²/2). The linear step moves waves exp(ikx) by τ before noise damps them
+    (operators/linear.py), which shifts their spectrum by kτ."""
+    gap = float(np.diff(scales.times).max())
+    k, digits = waves.in_play
+    shear = k * half_transport_time(scales.scene.model.friction, gap if time_step is None else min(gap, time_step))
+    spectrum = float((shear + np.sqrt(2 * digits / scales.theta_min)).max())
+    return Criterion(min(math.pi / spectrum, math.sqrt(scales.theta_min) / NARROWEST), "the narrowest velocity distribution")
+
+
+def exact_step_spacing(scales: Scales, waves: Waves, h: float) -> float:
+    """The largest dv that resolves the kernels of an exact step h, of which the local gauge takes two."""
+    return resolved_spacing(scales.scene.model, h / 2 if waves.local_gauge else h, resolution(scales.rtol))
+
+
+def finite_volumes(scales: Scales, name: DriftDiffusionScheme) -> float:
+    """The dv at which the finite volumes' error is rtol."""
+    coefficient, order = measured.FINITE_VOLUME_ERROR[name]
+    coefficient *= tail_weight(scales) * min(1.0, measured.SATURATED * scales.scene.model.friction * scales.end)
+    if order == 8:
+        coefficient *= _off_equilibrium(scales)
+    return math.sqrt(scales.scene.model.noise) * (scales.rtol / coefficient) ** (1 / order)
+
+
+def finite_volumes_for_weak_noise(scales: Scales) -> float:
+    """For finite volumes in the kernel's place: of order 8 in the whole window."""
+    model, edges = scales.scene.model, window(scales)
+    farthest = max(abs(edge - model.gravity / model.friction) for edge in (edges.low, edges.high))
+    return min(finite_volumes(scales, "finite-volume-8"), measured.STEEPEST_FACE * model.noise / farthest)
+
+
+def tail_weight(scales: Scales) -> float:
+    """By how much the finite volumes' error grows with what (6) amplifies."""
+    r = scales.amplification if scales.scene.operator == FOLLOW_LEADER else 1.0
+    strong, exponent = measured.STRONG_AMPLIFICATION
+    return (1 + r**2 + r**3) * math.exp(exponent * max(0.0, r - strong))
+
+
+def _off_equilibrium(scales: Scales) -> float:
+    """Differences of order 8 are taken of f/M, M the Maxwellian of variance σ: by how much more they err where f is hotter, or
+    displaced."""
+    model, scene = scales.scene.model, scales.scene
+    state = homogeneous_state(scene) if scene.operator == FOLLOW_LEADER else None
+    mean = state.mean_velocity if state is not None else model.gravity / model.friction
+    u = scales.mean_velocity
+    displaced = max(abs(float(u.min()) - mean), abs(float(u.max()) - mean)) / math.sqrt(model.noise)
+    return max(1.0, scales.theta_max / model.noise) ** 3 * math.exp(min(displaced, measured.MOST_DISPLACED))
+
+
+def _drift_diffusion(scales: Scales, waves: Waves, schemes: Schemes) -> list[Criterion]:
+    """Of the scheme between points in v: the kernel's width, or the finite volumes' error."""
+    model, name, h = scales.scene.model, schemes.drift_diffusion, schemes.time_step
+    if name != "kernel":
+        weak = schemes.stepping == "exact" and scales.scene.grid.drift_diffusion is None
+        dv = finite_volumes_for_weak_noise(scales) if weak else finite_volumes(scales, name)
+        return [Criterion(dv, f"the finite volumes' error of order {measured.FINITE_VOLUME_ERROR[name][1]}")]
+    if schemes.stepping == "extrapolated" and scales.scene.operator == FOLLOW_LEADER:
+        # Finite volumes of order 8 take over in steps too short for the kernel, and some of an extrapolated step always are.
+        factor, reference, power = measured.EXTRAPOLATED_STRANG_STEP
+        shortest = factor / in_t.commutation_rate(scales, waves) * min(1.0, scales.rtol / reference) ** power
+        return [
+            Criterion(finite_volumes(scales, "finite-volume-8"), "the finite volumes' error of order 8"),
+            Criterion(resolved_spacing(model, shortest), "the Ornstein-Uhlenbeck kernel of the steps to expect"),
+        ]
+    reason = "the Ornstein-Uhlenbeck kernel of one step"
+    if schemes.stepping == "exact":
+        longest = min(in_t.farthest_exact_step(scales), h or math.inf)
+        return [Criterion(exact_step_spacing(scales, waves, longest), reason)]
+    if schemes.stepping == "strang":
+        # Finite volumes of order 8 take over where dv is too coarse for the kernel: no need to be finer than they ask.
+        shortest = in_t.shortest_step_that_fills(scales, float(h or np.diff(scales.times).min()))
+        return [Criterion(max(resolved_spacing(model, shortest), finite_volumes(scales, "finite-volume-8")), reason)]
+    return []
+
+
+def _deposit(scales: Scales, deposit: Deposit) -> Criterion:
+    """Of operator (12): the error of its rate adds up for as long as friction does not forget it."""
+    model = scales.scene.model
+    coefficient, order = measured.DEPOSIT_ERROR[deposit]
+    if scales.noise_hardly_acts:
+        coefficient *= measured.NOISELESS_DEPOSIT
+    lasting = min(scales.end, 1 / model.friction if model.friction > 0 else math.inf)
+    gain = max(1.0, scales.collision_rate * lasting)
+    dv = math.sqrt(scales.theta_min) * (scales.rtol / (coefficient * gain)) ** (1 / order)
+    return Criterion(dv, f"the {deposit} deposit of collision products")
+
+
+def _eigenmodes(scales: Scales) -> float:
+    """The dv that resolves the eigenmodes' shapes in v, which they keep: their spectra down to rtol/10 of ρ̄, and, for the
+    monitor, the bends that they give to f."""
+    scene, u0, theta0 = scales.scene, scales.start_velocity, scales.start_temperature
+    v = u0 + EIGENMODE_REACH * math.sqrt(theta0) * np.linspace(-1, 1, EIGENMODE_POINTS, endpoint=False)
+    dv = float(v[1] - v[0])
+    q = 2 * np.pi * np.fft.fftfreq(v.size, dv)
+    background = initial.maxwellian(np.ones(1), np.full(1, u0), np.full(1, theta0), v)
+    shapes = np.array([shape for _, shape in initial.eigenmode_shapes(scene, v, u0)])
+    spectra = np.fft.fft(np.concatenate([background, shapes]), axis=1)
+    bend = np.abs(np.fft.ifft(-(q**2) * spectra, axis=1)).sum(axis=0)
+    shortest = np.abs(q)[np.abs(spectra).max(axis=0) * dv > scales.rtol / DROPPED].max()
+    return min(math.pi / float(shortest), math.sqrt(background.max() / bend.max()) / 2)

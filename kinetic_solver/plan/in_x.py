@@ -1,0 +1,95 @@
+"""How many points in x: every criterion counts Fourier modes, of which nx = 2·modes + 1 points hold so many.
+
+Bounds the error of f by the waves that are left out (below rtol/10 each), and of products, which make waves of their own.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from kinetic_solver.arrays import Array
+from kinetic_solver.errors import SceneError
+from kinetic_solver.plan.criterion import Criterion
+from kinetic_solver.plan.scales import Scales
+from kinetic_solver.plan.waves import DROPPED, MOST_MODES, Waves
+from kinetic_solver.scene import FOLLOW_LEADER
+
+WATCHED = 8 / 7
+"""The highest eighth of the modes stays empty at first: the monitor looks at it (solver/monitor.py)."""
+DAMPED = 1.25
+"""In the local gauge a fifth: it damps the highest tenth of the modes (operators/transport.py, resolved waves)."""
+ROOM = 4
+"""Modes besides. Chosen: a start of one mode still has somewhere to put its products."""
+THIN = 0.02
+"""Of the largest density, added to ρ where 1/ρ is looked at: places thinner than that add nothing to f. Chosen."""
+
+
+def points(scales: Scales, waves: Waves) -> Criterion:
+    """nx. Raises SceneError where more than MOST_MODES modes would be needed."""
+    scene = scales.scene
+    if scene.homogeneous:
+        return Criterion(1, "nothing depends on x")
+    n = waves.highest_mode
+    reason = f"{n} modes of the initial state"
+    if scene.operator is not None:
+        more = fronts(scales, scales.density) if scene.operator == FOLLOW_LEADER else followers(scales, waves)
+        n = _with_room(2 * n + more.value, waves)
+        reason += f", their products, and {math.ceil(more.value)} for {more.reason}"
+        if scene.operator == FOLLOW_LEADER and scene.initial.step is None and not waves.local_gauge:
+            # The global gauge transforms f exp(SΦ), which has waves of its own.
+            n = max(n, math.ceil(WATCHED * waves.highest(waves.lifted_amplitudes)))
+    if n > MOST_MODES:
+        raise SceneError(f"grid.nx: {n} modes would be needed; allowed: {MOST_MODES}; raise accuracy.rtol or shorten pipe.length")
+    return Criterion(fast_odd(2 * n + 1), reason)
+
+
+def points_from_now_on(scales: Scales, waves: Waves, modes: int, density: Array) -> int:
+    """nx for the rest of a run, from the highest mode that f has now, and its density."""
+    operator = scales.scene.operator
+    if operator is None:
+        return fast_odd(2 * modes + 1)
+    more = fronts(scales, density).value if operator == FOLLOW_LEADER else 0.0
+    return fast_odd(2 * _with_room(2 * modes + more, waves) + 1)
+
+
+def fronts(scales: Scales, density: Array) -> Criterion:
+    """Modes of the fronts that (6) can make of a density: tanh profiles of width 2/(S Δρ), with the spectrum exp(-πk/(SΔρ))
+    (docs/theory.md: shocks)."""
+    contrast = scales.scene.cross_section * float(np.ptp(density))
+    k = contrast * math.log(DROPPED / scales.rtol) / math.pi
+    return Criterion(k * scales.scene.pipe.length / (2 * math.pi), "the fronts that collisions can make")
+
+
+def followers(scales: Scales, waves: Waves) -> Criterion:
+    """Modes of fields that follow the density under (12): temperature and velocity are functions such as 1/ρ, with harmonics of
+    their own, of which noise and phase mixing kill the higher half."""
+    if scales.scene.initial.step:
+        return Criterion(0.0, "the harmonics in fields that follow the density")
+    follows = np.abs(np.fft.rfft(1 / (scales.density + THIN * scales.rho_max)))
+    return Criterion(waves.highest(follows / follows.max()) / 2, "the harmonics in fields that follow the density")
+
+
+def _with_room(modes: float, waves: Waves) -> int:
+    return math.ceil((DAMPED if waves.local_gauge else WATCHED) * (modes + ROOM))
+
+
+def least_points(scales: Scales) -> int:
+    """nx below which the start's own waves cannot be held at all."""
+    start = scales.scene.initial
+    modes = (*start.density_modes, *start.velocity_modes, *start.temperature_modes)
+    return 2 * max((m.mode for m in modes), default=1) + 1
+
+
+def fast_odd(n: int) -> int:
+    """The least odd number ≥ n with no prime factor above 7: a fast transform without a Nyquist mode."""
+    n |= 1
+    while True:
+        rest = n
+        for prime in (3, 5, 7):
+            while rest % prime == 0:
+                rest //= prime
+        if rest == 1:
+            return n
+        n += 2

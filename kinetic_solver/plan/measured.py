@@ -1,0 +1,66 @@
+"""Constants of the rules that were measured, each with where.
+
+Errors are those of f over max f, against the closed form or, with operator (12), against refined runs, raised by the factor that
+is named; benchmarks/accuracy_rules.py sweeps rtol and fails where a rule that uses them misses it. Constants that were chosen,
+not measured, stand beside the rule that uses them, and say so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+from kinetic_solver.scene import FOLLOW_LEADER, INELASTIC, Deposit, DriftDiffusionScheme
+
+# -- collisions
+
+DEPOSIT_ERROR: Mapping[Deposit, tuple[float, int]] = MappingProxyType(
+    {"linear": (0.08, 2), "cubic": (0.03, 4), "quintic": (0.02, 6)}
+)
+"""(coefficient, order) of operator (12): error <= coefficient·(dv/√θ)^order·max(1, Sρ√θ·t), t the time that errors last.
+benchmarks/accuracy_rules.py; 1.3 to 3 times what was measured."""
+NOISELESS_DEPOSIT = 3.0
+"""How many times larger that error is where noise hardly acts, and nothing smooths what collects within dv of the mean velocity.
+benchmarks/hard_cases.py, free cooling."""
+
+# -- drift-diffusion
+
+FINITE_VOLUME_ERROR: Mapping[DriftDiffusionScheme, tuple[float, int]] = MappingProxyType(
+    {"finite-volume": (0.05, 2), "finite-volume-8": (0.1, 8)}
+)
+"""(coefficient, order): error <= coefficient·weight·(dv/√σ)^order; the weight is `in_v.tail_weight`.
+benchmarks/accuracy_rules.py; about twice what was measured."""
+SATURATED = 4.0
+"""Relaxation times, 1/4 of one, over which the finite volumes' error adds up. benchmarks/accuracy_rules.py."""
+STRONG_AMPLIFICATION = (4.0, 1.5)
+"""Beyond R_t = 4 errors of order 8 grow as exp(1.5 R_t): the amplified tail is where f over the Maxwellian bends most.
+benchmarks/accuracy_rules.py, R* from 0.3 to 5."""
+MOST_DISPLACED = 4.0
+"""Thermal velocities from the homogeneous state's mean beyond which the finite volumes' error grows no further.
+benchmarks/accuracy_rules.py: starts up to 2.5√σ off, and θ0 up to 8σ."""
+STEEPEST_FACE = 2.2
+"""Largest dv times distance of a face from g/γ, over σ, at which finite volumes of order 8 keep that order (they fall back to
+order 2 beyond: operators/velocity/finite_volume.py)."""
+
+# -- steps in time
+
+STRANG_ERROR: Mapping[str, float] = MappingProxyType({FOLLOW_LEADER: 0.015, INELASTIC: 0.06})
+"""Coefficient: error <= coefficient·(rate·h)², times exp(0.3 R_t) for (6), (1 - ε²)² for (12).
+benchmarks/accuracy_rules.py; twice what was measured."""
+AMPLIFIED = 0.3
+"""Errors of steps with (6) grow as exp(0.3 R_t) until the end of the run. benchmarks/accuracy_rules.py, R* from 0.3 to 5."""
+LAWSON_ERROR = 1.2e-4
+"""Error of the extrapolated Lawson method over (rate·h)^5; it only foretells how many steps. benchmarks/accuracy_rules.py."""
+EXTRAPOLATED_STRANG_STEP = (0.15, 1e-4, 1 / 8)
+"""(a, r, p): error control with (6) takes steps of about a/rate·min(1, rtol/r)^p, p from order 8. benchmarks/time_steppers.py."""
+BUDGET_STEP = 0.25
+"""Longest step times (γ + Sρ√θ) at which the quintic spline of the budgets is good to about 1e-6 of what the terms bring.
+tests/test_solver.py (residuals)."""
+LEAST_RTOL_OF_A_STEP = 5e-5
+"""Below it a density step with collisions is not resolved: errors fall as 1/nx² only. benchmarks/accuracy_rules.py, R* = 2."""
+
+# -- what is cheapest
+
+HERMITE_PAYS = 3
+"""How many times fewer Hermite functions than velocity points pay with (12): at rtol = 1e-8 with a fifth as many, 7 to 9 times
+faster; at 1e-6 with half as many hardly. docs/accuracy.md, rules for the velocity."""

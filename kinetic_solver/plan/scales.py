@@ -1,0 +1,157 @@
+"""What the physics of a scene asks to be resolved: extremes of its fields, rates, and how far (6) amplifies. Computed once.
+
+Symbols as in docs/accuracy.md: y standard deviations of tail, θ_max and θ_min, ν = Sρ_max√θ_max, R_t = ν(1 - exp(-γt))/γ.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from kinetic_solver import initial
+from kinetic_solver.arrays import Array
+from kinetic_solver.scene import FOLLOW_LEADER, INELASTIC, Scene
+from kinetic_solver.stability.homogeneous import HomogeneousState, homogeneous_state
+from kinetic_solver.theory.ornstein_uhlenbeck import Transition, transition
+
+POINTS = 4096
+"""Places on the pipe at which the start is looked at: enough for a wave of mode 500."""
+TAIL = 40.0
+"""A Gaussian counts as ended where it has fallen to rtol over this; a cell further in it is a few times more."""
+HAFF_SHORT = 2.0
+"""A cooling gas does not stay Maxwellian, and was seen up to so many times colder than Haff's law has it (docs/accuracy.md)."""
+KNOWN_STATES = (1e-6, 1e6)
+"""Collision numbers between which a homogeneous state of (12) is asked for: beyond, bounds do without it."""
+
+
+@dataclass(frozen=True)
+class Scales:
+    """Of one scene, in the frame of reference in which it is solved."""
+
+    scene: Scene
+    times: Array
+    """When anything is written, by the frame's clock; the first is 0."""
+    lab_friction: float
+    """γ in the laboratory, which a noiseless frame takes out of `scene`."""
+    start_velocity: float
+    """u0, without its modes."""
+    start_temperature: float
+    """θ0, without its modes."""
+    density: Array
+    """At `POINTS` places over the pipe, like the next two: the start."""
+    mean_velocity: Array
+    temperature: Array
+    whole: Transition
+    """Of friction and noise over the whole run."""
+    theta_end: float
+    """The hottest place at the end."""
+    theta_min: float
+    """The coldest temperature at any place and time: bounds dv."""
+
+    @property
+    def rtol(self) -> float:
+        return self.scene.accuracy.rtol
+
+    @property
+    def end(self) -> float:
+        return self.scene.run.end_time
+
+    @property
+    def x(self) -> Array:
+        return self.scene.pipe.length * np.arange(self.density.size) / self.density.size
+
+    @property
+    def tail(self) -> float:
+        """y: standard deviations at which a Gaussian is rtol/40 of its maximum."""
+        return math.sqrt(2 * math.log(TAIL / self.rtol))
+
+    @property
+    def rho_max(self) -> float:
+        return float(self.density.max())
+
+    @property
+    def theta_max(self) -> float:
+        """The hottest temperature at any place and time: bounds the window."""
+        return max(float(self.temperature.max()), self.theta_end)
+
+    @property
+    def means(self) -> tuple[float, float]:
+        """The least and the largest mean velocity, at the start and at the end as gravity and friction alone would have it."""
+        start = [float(self.mean_velocity.min()), float(self.mean_velocity.max())]
+        both = start + [self.whole.velocity_shift + mean * self.whole.decay for mean in start]
+        return min(both), max(both)
+
+    @property
+    def collision_rate(self) -> float:
+        """ν = Sρ√θ at the largest density and temperature."""
+        return self.scene.cross_section * self.rho_max * math.sqrt(self.theta_max)
+
+    @property
+    def amplification(self) -> float:
+        """R_t: under (6) a slow disturbance w√θ from the mean grows by up to exp(R_t w) until the end (docs/theory.md)."""
+        return self.scene.cross_section * self.rho_max * math.sqrt(self.theta_max) * self.whole.drift_time
+
+    @property
+    def noise_hardly_acts(self) -> bool:
+        """True where nothing is noisy, or little of a relaxation time passes: what free motion folds in v stays folded."""
+        return self.scene.model.noise == 0 or self.scene.model.friction * self.end < 0.1
+
+    @property
+    def shifted(self) -> bool:
+        """True where velocities are shifted or contracted without noise: only in a frame at rest (moving_frame.py)."""
+        model = self.scene.model
+        return model.friction * model.noise == 0 and (model.friction > 0 or model.gravity != 0)
+
+    @property
+    def amplified_shift(self) -> bool:
+        """True where, besides, (6) amplifies what the periodic shift brings round into the slow tail."""
+        return self.scene.operator == FOLLOW_LEADER and self.shifted
+
+
+def scales_of(scene: Scene, times: Array, lab_friction: float | None = None) -> Scales:
+    """The scales of a scene that is written at these times of its own clock."""
+    x = scene.pipe.length * np.arange(POINTS) / POINTS
+    u0, theta0 = initial.start_state(scene)
+    density, temperature = initial.density(scene, x), initial.temperature(scene, x, theta0)
+    whole = transition(scene.model, scene.run.end_time)
+    theta_end = float(temperature.max()) * whole.decay**2 + whole.velocity_variance
+    coldest = float(temperature.min())
+    theta_min = min(coldest, coldest * whole.decay**2 + whole.velocity_variance)
+    if scene.operator == INELASTIC:
+        if float(density.min()) > 0:
+            # Collisions cool: the hottest place is the thinnest one, and no hotter than its own stationary state.
+            thinnest = _state_at_density(scene, float(density.min()))
+            theta_end = min(theta_end, thinnest.temperature if thinnest is not None else theta_end)
+        # The densest place cools most: as without noise, but not below its own stationary state.
+        densest = _state_at_density(scene, float(density.max()))
+        cooled = _haff(scene, whole, float(density.max()), coldest) / HAFF_SHORT
+        theta_min = min(theta_min, max(cooled, 0.0 if densest is None else densest.temperature))
+    return Scales(
+        scene,
+        times,
+        scene.model.friction if lab_friction is None else lab_friction,
+        u0,
+        theta0,
+        density,
+        initial.mean_velocity(scene, x, u0),
+        temperature,
+        whole,
+        theta_end,
+        theta_min,
+    )
+
+
+def _haff(scene: Scene, whole: Transition, density: float, theta: float) -> float:
+    """The temperature at the end of free cooling at a density: √θ' = -γ√θ - Cρθ, C = S(1 - ε²)/√π (Haff 1983)."""
+    c = scene.cross_section * (1 - scene.restitution**2) / math.sqrt(math.pi) * density
+    return (math.sqrt(theta) * whole.decay / (1 + c * math.sqrt(theta) * whole.drift_time)) ** 2
+
+
+def _state_at_density(scene: Scene, density: float) -> HomogeneousState | None:
+    """None where there is none, or where it is not looked for."""
+    start = scene.initial.model_copy(update={"density": density})
+    there = scene.model_copy(update={"initial": start})
+    low, high = KNOWN_STATES
+    return homogeneous_state(there) if low < there.groups.collision_number < high else None

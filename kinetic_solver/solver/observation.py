@@ -1,0 +1,66 @@
+"""What the run looks at after every step: one immutable record, handed to all that watch it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from kinetic_solver.arrays import Array
+from kinetic_solver.grid import PhaseSpaceGrid
+from kinetic_solver.plan import Plan
+from kinetic_solver.solver.scheme import Scheme
+
+
+@dataclass(frozen=True)
+class Observation:
+    """A state of the run, on its grid of the moment."""
+
+    scheme: Scheme
+    clock: float
+    """Of the frame of reference."""
+    state: Array
+    """As it is stepped: values at points, or Hermite coefficients; the first axis is x."""
+    f: Array
+    """At the grid's points, (nx, nv)."""
+    since: float = -math.inf
+    """The clock when the step that led here began."""
+    error: float = 0.0
+    """Estimated max|error| that this step made."""
+    within: Callable[[float], Array] | None = None
+    """f (nx, nv) at any clock within that step; None where only its ends are known."""
+
+    @classmethod
+    def of(
+        cls,
+        scheme: Scheme,
+        clock: float,
+        state: Array,
+        since: float = -math.inf,
+        error: float = 0.0,
+        within: Callable[[float], Array] | None = None,
+    ) -> Observation:
+        return cls(scheme, clock, state, scheme.representation.points(state), since, error, within)
+
+    @property
+    def plan(self) -> Plan:
+        return self.scheme.plan
+
+    @property
+    def grid(self) -> PhaseSpaceGrid:
+        return self.scheme.plan.grid
+
+    @property
+    def length(self) -> float:
+        """Of the step that led here; inf at the start."""
+        return self.clock - self.since
+
+    @property
+    def time(self) -> float:
+        """Of the laboratory."""
+        return self.plan.reference_frame.place(self.clock).time
+
+    @property
+    def totals(self) -> tuple[float, float, float]:
+        """(mass, momentum, energy), in the frame of reference."""
+        return self.scheme.representation.totals(self.state)

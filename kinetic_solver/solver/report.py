@@ -1,0 +1,19 @@
+"""What a finished run says of itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Report:
+    error: float
+    """Estimated, over max f."""
+    limited_by: str
+    """What of the discretisation limits it, in words."""
+    grids: str
+    """All that the run used, with the times from which on."""
+
+    def attributes(self) -> dict[str, str]:
+        """For the dataset."""
+        return {"limited_by": self.limited_by, "grids": self.grids}
