@@ -37,7 +37,7 @@ from kinetic_solver import Scene, SceneError, SolverStopped, exact, solve
 from kinetic_solver.arrays import Array
 from kinetic_solver.initial import start_state
 from kinetic_solver.plan import make_plan
-from kinetic_solver.plan.rules import fast_odd
+from kinetic_solver.plan.in_x import fast_odd
 from kinetic_solver.scene import INELASTIC
 from kinetic_solver.stability.homogeneous import homogeneous_state
 
@@ -214,7 +214,7 @@ def refined(scene: Scene, run: xr.Dataset) -> xr.Dataset:
     which is exact for what both grids hold: f, ρ, ρu and ρ(u² + θ)."""
     nx, v, length = run.sizes["x"], run["v"].values, scene.pipe.length
     table = {**scene.model_dump(exclude_none=True, by_alias=True), "accuracy": {"rtol": max(1e-10, scene.accuracy.rtol / 30)}}
-    if not make_plan(scene).frame.moving:
+    if not make_plan(scene).reference_frame.moving:
         dv = float(v[1] - v[0])
         low, high = float(v[0]) - 0.1 * dv * v.size, float(v[-1]) + 0.1 * dv * v.size
         fast = 1 if nx == 1 else fast_odd(math.ceil(1.4 * nx))

@@ -137,8 +137,8 @@ def test_nothing_is_computed_that_is_not_asked_for(make_scene: MakeScene, monkey
     def refuse(*_: object) -> None:
         raise AssertionError("computed without need")
 
-    for name in ("frames.moment_equations", "frames.moments", "run.Ledger"):
-        monkeypatch.setattr(f"kinetic_solver.{name}", refuse)
+    for name in ("writer.moment_equations", "writer.moments", "loop.Ledger"):
+        monkeypatch.setattr(f"kinetic_solver.solver.{name}", refuse)
     quiet = {"moments": False, "budgets": False}
     run = solve(make_scene(collisions=INELASTIC, run={"end_time": 0.2}, output=quiet))
     assert set(run.data_vars) >= {"f", "mass"}

@@ -3,7 +3,7 @@
 Each step makes one Observation, which goes to the monitor, the budgets, the estimate, and at frames to the writer. Where the
 monitor finds that the grid no longer holds f, adaptation.py says how to go on, and the loop goes back to a state that was good;
 exact steps start again from time 0, since what (6) amplifies must have been right from the start. The output's grid stays.
-Tests: tests/test_grid_control.py.
+Tests: tests/convergence/test_adaptation.py.
 """
 
 from __future__ import annotations

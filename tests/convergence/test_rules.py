@@ -13,7 +13,8 @@ import pytest
 
 from kinetic_solver import Scene, exact, solve
 from kinetic_solver.plan import make_plan
-from kinetic_solver.plan.rules import DEPOSIT_ERROR, fast_odd
+from kinetic_solver.plan.in_x import fast_odd
+from kinetic_solver.plan.measured import DEPOSIT_ERROR
 
 
 def scene(operator: dict[str, Any], rtol: float, length: float, temperature: float | None, end: float) -> Scene:

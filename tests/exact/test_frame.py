@@ -16,7 +16,7 @@ from kinetic_solver.operators.collisions import FollowLeader, Inelastic
 from kinetic_solver.operators.collisions.protocol import CollisionOperator
 from kinetic_solver.operators.moments import totals
 from kinetic_solver.plan import make_plan
-from kinetic_solver.plan.moving_frame import Frame
+from kinetic_solver.plan.moving_frame import ReferenceFrame
 from kinetic_solver.scene import Model
 
 MakeScene = Callable[..., Scene]
@@ -35,7 +35,7 @@ MODELS = {
 
 
 def in_a_moving_frame(scene: Scene) -> xr.Dataset:
-    assert make_plan(scene).frame.moving
+    assert make_plan(scene).reference_frame.moving
     return solve(scene)
 
 
@@ -74,7 +74,7 @@ def test_operator_12_against_a_run_at_rest(make_scene: MakeScene, noise: float) 
     moving = in_a_moving_frame(scene)
     window = {"velocity_window": (-12.0, 8.0), "nv": 320, "nx": moving.sizes["x"]}
     at_rest = scene.model_copy(update={"grid": scene.grid.model_copy(update=window)})
-    assert not make_plan(at_rest).frame.moving
+    assert not make_plan(at_rest).reference_frame.moving
     found = of_moments(moving, solve(at_rest))
     assert max(found["density"], found["mean_velocity"]) < 2e-4, found
     assert max(found.values()) < 2e-3, found
@@ -86,7 +86,7 @@ def test_operator_12_against_a_run_at_rest(make_scene: MakeScene, noise: float) 
 
 def test_friction_without_noise_is_a_clock(make_scene: MakeScene) -> None:
     """(12) with gravity and friction against (12) alone, run to s = (1 - exp(-γt))/γ on a given grid: ρ moved by X, u and θ
-    scaled by λ and λ². Nothing of frame.py is used: γ = 0.7, g = 1.3, u0 = -6, t = 1.5."""
+    scaled by λ and λ². Nothing of moving_frame.py is used: γ = 0.7, g = 1.3, u0 = -6, t = 1.5."""
     gamma, g, u0, t = 0.7, 1.3, FAR["mean_velocity"], 1.5
     decay = math.exp(-gamma * t)
     clock = (1 - decay) / gamma
@@ -117,7 +117,7 @@ def test_friction_without_noise_is_a_clock(make_scene: MakeScene) -> None:
 def test_the_frames_formulae(model: str) -> None:
     """Clock and place are inverse; by fourth-order differences X' = U, U' = g - γU, ds/dt = λ and λ' = -γλ."""
     m = MODELS[model]
-    frame = Frame(m, moving=True, start=-2.0)
+    frame = ReferenceFrame(m, moving=True, start=-2.0)
     h, weights = 0.01, np.array([1, -8, 0, 8, -1]) / (12 * 0.01)
     for time in (0.3, 1.4, 5.0):
         place = frame.place(frame.clock(time))
@@ -135,7 +135,7 @@ def test_the_frames_formulae(model: str) -> None:
 
 
 def test_a_frame_at_rest_is_the_laboratory(make_scene: MakeScene) -> None:
-    frame = Frame(MODELS["no noise"])
+    frame = ReferenceFrame(MODELS["no noise"])
     place = frame.place(0.8)
     assert (place.time, place.position, place.velocity, place.scale) == (0.8, 0.0, 0.0, 1.0)
     assert frame.clock(0.8) == 0.8
@@ -155,7 +155,7 @@ def inelastic(v: np.ndarray) -> CollisionOperator:
 def test_totals_and_rates_against_direct_sums(operator: Callable[[np.ndarray], CollisionOperator]) -> None:
     """F on a grid over w, and f = F/λ on the same points v = U + λw: sums over f are what Place makes of sums over F. Round-off:
     the discrete operators depend on differences of velocity only, and in proportion."""
-    place = Frame(MODELS["no noise"], moving=True, start=-2.0).place(0.6)
+    place = ReferenceFrame(MODELS["no noise"], moving=True, start=-2.0).place(0.6)
     inner = PhaseSpaceGrid(3, 40, 9.0, -4.0, 5.0)
     low, high = place.velocity + place.scale * inner.low, place.velocity + place.scale * inner.high
     outer = PhaseSpaceGrid(3, 40, 9.0, low, high)
@@ -185,15 +185,15 @@ def test_budgets_close(make_scene: MakeScene, model: str, collisions: dict[str, 
 
 
 def test_where_nothing_needs_it_the_frame_is_at_rest(make_scene: MakeScene) -> None:
-    assert not make_plan(make_scene(collisions=FOLLOW)).frame.moving
-    assert not make_plan(make_scene(model={"gravity": 0.0, "friction": 0.0}, collisions=FOLLOW)).frame.moving
+    assert not make_plan(make_scene(collisions=FOLLOW)).reference_frame.moving
+    assert not make_plan(make_scene(model={"gravity": 0.0, "friction": 0.0}, collisions=FOLLOW)).reference_frame.moving
     fast = {"model": {"gravity": 9.0}, "initial": FAR, "collisions": FOLLOW}
-    assert make_plan(make_scene(**fast)).frame.moving
+    assert make_plan(make_scene(**fast)).reference_frame.moving
     for given in ({"nv": 90}, {"velocity_window": (-12.0, 20.0)}):
         plan = make_plan(make_scene(**fast, grid=given))
-        assert not plan.frame.moving
+        assert not plan.reference_frame.moving
         assert plan.grid == plan.output
-    assert not make_plan(make_scene(**fast, output={"moment_equations": True})).frame.moving
+    assert not make_plan(make_scene(**fast, output={"moment_equations": True})).reference_frame.moving
 
 
 @pytest.mark.parametrize("collisions", CLOSED)
@@ -205,7 +205,7 @@ def test_gravity_costs_no_velocities(make_scene: MakeScene, collisions: str) -> 
         for gravity in (100 * math.sqrt(0.5) * 0.7, 0.0)
     )
     plan = make_plan(fall)
-    assert plan.frame.moving
+    assert plan.reference_frame.moving
     assert plan.grid.nv <= make_plan(stay).grid.nv + 3
     assert plan.output.nv > 4 * plan.grid.nv
     run = solve(fall)

@@ -192,7 +192,7 @@ def test_gravity_only_moves_the_frame(gravity: float) -> None:
         make("follow-the-leader", 8.0, 4, model={"gravity": gravity}, run=short, accuracy={"rtol": 1e-7}, grid=grid)
         for grid in ({}, {"nv": 100})
     ]
-    assert [make_plan(scene).frame.moving for scene in scenes] == [True, False]
+    assert [make_plan(scene).reference_frame.moving for scene in scenes] == [True, False]
     s = kinetic_rates(scenes[0], 4)[0][0]
     for scene in scenes:
         run = solve(scene)

@@ -13,8 +13,9 @@ import xarray as xr
 from kinetic_solver import Scene, SolverStopped, exact, solve
 from kinetic_solver.dataset import Frame, MemoryRecorder
 from kinetic_solver.plan import Plan, make_plan
-from kinetic_solver.solver import integrate, loop
-from kinetic_solver.solver.monitor import Monitor, Unresolved
+from kinetic_solver.solver import adaptation, integrate
+from kinetic_solver.solver.monitor import Judgement, Monitor, Problem
+from kinetic_solver.solver.observation import Observation
 
 MakeScene = Callable[..., Scene]
 FOLLOW = {"operator": "follow-the-leader", "cross_section": 0.9}
@@ -183,15 +184,16 @@ def test_two_runs_give_the_same_bits(make_scene: MakeScene, scene: dict[str, Any
 @pytest.mark.parametrize("collisions", COLLISIONS)
 def test_a_grid_that_does_not_help_stops_the_run(make_scene: MakeScene, monkeypatch: pytest.MonkeyPatch, collisions: str) -> None:
     """A defect that no nx mends: given up after a few, with one line, and the frames before it kept."""
-    check = Monitor.check
+    judge = Monitor.judge
 
-    def never_good(self: Monitor, f: np.ndarray, time: float, density_defect: float = 0.0) -> dict[str, float]:
-        values = check(self, f, time, density_defect)
-        if time > 1.2:
-            raise Unresolved(f"{self._when(time)}: it is not resolved; raise grid.nx", "nx", 0.1)
-        return values
+    def never_good(self: Monitor, seen: Observation, share: float) -> Judgement:
+        found = judge(self, seen, share)
+        if seen.clock <= 1.2:
+            return found
+        problem = Problem("nx", 0.1, f"t = {seen.time:g}", "it is not resolved; raise grid.nx")
+        return Judgement(found.diagnostics, problem)
 
-    monkeypatch.setattr(Monitor, "check", never_good)
+    monkeypatch.setattr(Monitor, "judge", never_good)
     with pytest.raises(
         SolverStopped, match=r"not resolved; raise grid\.nx \(refining the grid \d+ times did not help\)"
     ) as caught:
@@ -205,7 +207,7 @@ def test_a_grid_that_does_not_help_stops_the_run(make_scene: MakeScene, monkeypa
 
 def test_a_grid_may_not_grow_without_end(make_scene: MakeScene, monkeypatch: pytest.MonkeyPatch) -> None:
     """Beyond MOST_GROWTH times the first plan's points."""
-    monkeypatch.setattr(loop, "MOST_GROWTH", 1.2)
+    monkeypatch.setattr(adaptation, "MOST_GROWTH", 1.2)
     plan = poorer(make_scene(collisions=INELASTIC, initial=WARM, run=RUN), nx=0.0)
     recorder = Counting(plan)
     with pytest.raises(SolverStopped, match=r"raise grid\.nx \(accuracy\.rtol = 0\.0001\)$"):
