@@ -59,7 +59,7 @@ class Checkpoint:
             raise SceneError(f"{self.path}: is not a readable checkpoint; remove it to start afresh") from None
         check_scene(self.path, scene, self._scene)
         if self._target.stat().st_size < written:
-            raise SceneError(f"{self._target}: has lost what was written before the checkpoint; use --overwrite to start afresh")
+            raise SceneError(f"{self._target}: has lost what was written before the checkpoint; allowed: to overwrite it")
         return state
 
     def remove(self) -> None:
@@ -71,7 +71,7 @@ def check_scene(path: Path, theirs: str, ours: str) -> None:
     there, here = (_flat(Scene.model_validate_json(text).model_dump()) for text in (theirs, ours))
     names = [name for name in sorted(there.keys() | here.keys()) if there.get(name) != here.get(name)]
     if names:
-        raise SceneError(f"{path}: is of another scene ({', '.join(names)} differ); use --overwrite to start afresh")
+        raise SceneError(f"{path}: is of another scene ({', '.join(names)} differ); allowed: to overwrite it, or another name")
 
 
 def _flat(tables: dict[str, Any]) -> dict[str, Any]:
@@ -88,6 +88,6 @@ def finished(target: Path, scene: Scene) -> bool:
         return False
     with open_run(target) as run:
         if run.attrs.get("method") != "particles":
-            raise SceneError(f"{target}: is a run of method {run.attrs.get('method')!r}; name another file with -o")
+            raise SceneError(f"{target}: is a run of method {run.attrs.get('method')!r}; allowed: another name")
         check_scene(target, run.attrs["scene"], scene.model_dump_json(exclude_none=True))
         return "status" in run and int(run["status"]) == FINISHED

@@ -11,8 +11,9 @@ import pytest
 import xarray as xr
 
 from kinetic_solver import Scene, SolverStopped, exact, solve
-from kinetic_solver.dataset import Frame, MemoryRecorder
+from kinetic_solver.dataset import VARIABLES, Frame, MemoryRecorder
 from kinetic_solver.plan import Plan, make_plan
+from kinetic_solver.scene import Schedule
 from kinetic_solver.solver import integrate, loop
 from kinetic_solver.solver.monitor import Monitor, Unresolved
 
@@ -36,7 +37,7 @@ class Counting(MemoryRecorder):
     """Remembers when it was handed frames."""
 
     def __init__(self, plan: Plan) -> None:
-        super().__init__(plan.output, plan.scene)
+        super().__init__(plan.output, plan.scene, Schedule.of(plan.scene, VARIABLES))
         self.handed: list[float] = []
 
     def record(self, time: float, frame: Frame) -> None:

@@ -15,10 +15,10 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from kinetic_solver.dataset import NetCDFRecorder, open_run, write_dataset
+from kinetic_solver.dataset import VARIABLES, NetCDFRecorder, open_run, write_dataset
 from kinetic_solver.errors import SceneError
 from kinetic_solver.plan import make_plan
-from kinetic_solver.scene import Scene
+from kinetic_solver.scene import Scene, Schedule
 from kinetic_solver.solver import integrate, solve
 
 MakeScene = Callable[..., Scene]
@@ -41,7 +41,7 @@ time_step = 0.05
 
 def written(scene: Scene, path: Path) -> None:
     plan = make_plan(scene)
-    recorder = NetCDFRecorder(path, plan.grid, scene)
+    recorder = NetCDFRecorder(path, plan.grid, scene, Schedule.of(scene, VARIABLES))
     integrate(plan, recorder)
     recorder.close()
 
@@ -76,7 +76,7 @@ def test_an_existing_file_is_kept(make_scene: MakeScene, tmp_path: Path) -> None
     path.write_bytes(b"mine")
     plan = make_plan(make_scene())
     with pytest.raises(SceneError, match="exists already"):
-        NetCDFRecorder(path, plan.grid, plan.scene)
+        NetCDFRecorder(path, plan.grid, plan.scene, Schedule.of(plan.scene, VARIABLES))
     with pytest.raises(SceneError, match="exists already"):
         write_dataset(xr.Dataset(), path)
     assert path.read_bytes() == b"mine"

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from kinetic_solver.dataset import MemoryRecorder
+from kinetic_solver.dataset import VARIABLES, MemoryRecorder
 from kinetic_solver.errors import SceneError, SolverStopped
 from kinetic_solver.plan import Plan, make_plan
 from kinetic_solver.plan.rules import fast_odd
-from kinetic_solver.scene import Accuracy, Scene
+from kinetic_solver.scene import Accuracy, Scene, Schedule
 from kinetic_solver.solver import integrate
 
 if TYPE_CHECKING:
@@ -82,7 +82,7 @@ def certify(scene: Scene, run: xr.Dataset, say: Callable[[str], None] = lambda t
 def _solve(plan: Plan, what: str, say: Callable[[str], None]) -> xr.Dataset:
     g = plan.grid
     say(f"certifying: {what}, {g.nx} × {g.nv}")
-    recorder = MemoryRecorder(plan.output, plan.scene)
+    recorder = MemoryRecorder(plan.output, plan.scene, Schedule.of(plan.scene, VARIABLES))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of a coarse grid that is meant to be coarse
         integrate(plan, recorder)

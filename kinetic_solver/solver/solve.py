@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from kinetic_solver.dataset import MemoryRecorder, Recorder
+from kinetic_solver.dataset import VARIABLES, MemoryRecorder, Recorder
 from kinetic_solver.errors import SolverStopped
 from kinetic_solver.plan import Plan, make_plan
-from kinetic_solver.scene import Scene
+from kinetic_solver.scene import Scene, Schedule
 from kinetic_solver.solver.loop import Progress, Report, Run
 from kinetic_solver.threads import one_blas_thread
 
@@ -23,7 +23,7 @@ def solve(scene: Scene, progress: Progress | None = None) -> xr.Dataset:
     a run cannot go on.
     """
     plan = make_plan(scene)
-    recorder = MemoryRecorder(plan.output, scene)
+    recorder = MemoryRecorder(plan.output, scene, Schedule.of(scene, VARIABLES))
     try:
         report = integrate(plan, recorder, progress)
     except SolverStopped as stop:
