@@ -11,26 +11,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from kinetic_solver.arrays import Array
-
-if TYPE_CHECKING:
-    from kinetic_solver.scene.scene import Scene
-
-SAME_TIME = 1e-6
-"""Of the shortest cadence: far above rounding of multiples of a cadence, far below what anyone wants to tell apart."""
-
-
-def multiples(cadence: float, end: float) -> Array:
-    """0, every cadence, and the end; a multiple that is the end but for `SAME_TIME` of a cadence makes no frame beside it."""
-    times = cadence * np.arange(math.floor(end / cadence + SAME_TIME) + 1)
-    if times.size == 1 or end - times[-1] > SAME_TIME * cadence:
-        return np.append(times, end)
-    times[-1] = end
-    return times
+from kinetic_solver.scene.cadence import SAME_TIME
+from kinetic_solver.scene.scene import Scene
 
 
 @dataclass(frozen=True)
