@@ -20,8 +20,7 @@ PACKAGES = ("kinetic_solver", "particles")
 
 BASE = {"arrays", "errors", "machine", "threads"}
 SCENE = BASE | {"scene"}
-BELOW_DATASET = SCENE | {"theory", "grid", "stability", "initial"}
-SHARED = BELOW_DATASET | {"dataset"}
+SHARED = SCENE | {"theory", "grid", "stability", "dataset", "initial"}
 """What both sides of a cross-check may share."""
 ALL = SHARED | {"operators", "stepping", "exact", "particles", "plan", "solver", "compare"}
 ALLOWED: dict[str, set[str]] = {
@@ -30,8 +29,8 @@ ALLOWED: dict[str, set[str]] = {
     "theory": SCENE,
     "grid": SCENE,
     "stability": SCENE | {"theory"},
-    "initial": SCENE | {"theory", "grid", "stability"},
-    "dataset": BELOW_DATASET,
+    "dataset": SCENE | {"grid"},
+    "initial": SCENE | {"theory", "grid", "stability", "dataset"},
     "operators": SCENE - {"machine"} | {"theory", "grid"},
     "stepping": {"arrays", "errors"},
     "exact": SHARED,

@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import netCDF4
 import numpy as np
 import xarray as xr
 
@@ -79,6 +80,24 @@ def test_a_broken_checkpoint_is_said(tmp_path: Path) -> None:
         done = run(tmp_path, "-o", "out.nc", "--resume")
         assert done.returncode == 2
         assert "is not a readable checkpoint; remove it to start afresh" in done.stderr
+
+
+def test_a_damaged_scene_is_said(tmp_path: Path) -> None:
+    """In the run's file, and in the checkpoint."""
+    (tmp_path / "scene.toml").write_text(SCENE)
+    assert run(tmp_path, "-o", "out.nc", "--max-walltime", "0").returncode == 3
+    with np.load(tmp_path / "out.nc.checkpoint") as whole:
+        state = dict(whole)
+    with (tmp_path / "out.nc.checkpoint").open("wb") as file:
+        np.savez(file, **{**state, "scene": '{"pipe": {}}'})
+    done = run(tmp_path, "-o", "out.nc", "--resume")
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert "is not a readable checkpoint" in done.stderr
+    with netCDF4.Dataset(tmp_path / "out.nc", "a") as file:
+        file.scene = '{"pipe": {}}'
+    done = run(tmp_path, "-o", "out.nc", "--resume")
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert "out.nc: its scene cannot be read" in done.stderr
 
 
 def test_a_file_that_lost_its_end_is_not_continued(tmp_path: Path) -> None:
