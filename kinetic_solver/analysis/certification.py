@@ -46,7 +46,7 @@ def certify(scene: Scene, run: xr.Dataset, say: Callable[[str], None] = lambda t
 
     names = [name for name in FIELDS if name in run]
     if not names:
-        raise SceneError("output: f and moments are both false; allowed where a run is certified: one of them at least")
+        raise SceneError("output: f and moments are both false; allowed: one of them at least")
     plan = make_plan(scene)
     truth = _solve(_refined(plan, 2), "everything refined twice", say)
     once = _solve(_refined(plan, 1), "everything refined once", say)
