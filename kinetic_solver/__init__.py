@@ -9,9 +9,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from kinetic_solver import exact, stability
+    from kinetic_solver import compare, exact, stability
     from kinetic_solver.analysis.certification import certify
-    from kinetic_solver.errors import KineticError, SceneError, SolverStopped
+    from kinetic_solver.errors import KineticError, OutputExistsError, RunUnfinished, SceneError, SolverStopped
+    from kinetic_solver.methods import run_to_file
     from kinetic_solver.scene import Scene
     from kinetic_solver.solver.solve import solve
 
@@ -19,22 +20,29 @@ if TYPE_CHECKING:
 
 __all__ = [
     "KineticError",
+    "OutputExistsError",
+    "RunUnfinished",
     "Scene",
     "SceneError",
     "SolverStopped",
     "__version__",
     "certify",
+    "compare",
     "exact",
+    "run_to_file",
     "solve",
     "stability",
 ]
 
 _HOME = {
     "KineticError": "errors",
+    "OutputExistsError": "errors",
+    "RunUnfinished": "errors",
     "Scene": "scene",
     "SceneError": "errors",
     "SolverStopped": "errors",
     "certify": "analysis.certification",
+    "run_to_file": "methods",
     "solve": "solver",
 }
 _PACKAGES = ("compare", "exact", "stability")

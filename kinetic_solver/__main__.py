@@ -1,3 +1,3 @@
-from kinetic_solver.cli.app import main
+from kinetic_solver.cli import main
 
 main()

@@ -5,6 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     import xarray as xr
 
 
@@ -19,6 +21,8 @@ class SceneError(KineticError, ValueError):
 class OutputExistsError(SceneError):
     """The file to be written exists already, and nobody said that it may be replaced."""
 
+    path: Path
+
 
 class SolverStopped(KineticError, RuntimeError):
     """A run that could not go on. The message says when, what happened, and what to change."""
@@ -28,7 +32,7 @@ class SolverStopped(KineticError, RuntimeError):
 
 
 class RunUnfinished(KineticError):
-    """The time that a run was given is over. It left a checkpoint, from which it can go on."""
+    """The wall-clock time that a run was given is over. It left a checkpoint, from which it can be resumed."""
 
 
 class LostAccuracy(KineticError, RuntimeError):

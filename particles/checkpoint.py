@@ -13,7 +13,7 @@ from zipfile import BadZipFile
 
 import numpy as np
 
-from kinetic_solver.dataset import FINISHED, open_run
+from kinetic_solver.dataset import FINISHED, open_run, scene_of
 from kinetic_solver.errors import SceneError
 from kinetic_solver.scene import Scene
 
@@ -27,7 +27,7 @@ class Checkpoint:
     def __init__(self, target: Path, scene: Scene) -> None:
         self.path = target.with_name(target.name + ".checkpoint")
         self._target = target
-        self._scene = scene.model_dump_json(exclude_none=True)
+        self._scene = scene
         self._took = 0.0
         self._last = monotonic()
 
@@ -36,7 +36,7 @@ class Checkpoint:
         part = self.path.with_name(self.path.name + ".part")
         try:
             with part.open("wb") as file:
-                np.savez(file, scene=self._scene, written=self._target.stat().st_size, **state)
+                np.savez(file, scene=self._scene.model_dump_json(exclude_none=True), written=self._target.stat().st_size, **state)
             part.replace(self.path)
         finally:
             part.unlink(missing_ok=True)
@@ -54,24 +54,24 @@ class Checkpoint:
         try:
             with np.load(self.path, allow_pickle=False) as file:
                 state = dict(file)
-            scene, written = str(state.pop("scene")), int(state.pop("written"))
+            scene, written = Scene.model_validate_json(str(state.pop("scene"))), int(state.pop("written"))
         except (OSError, ValueError, KeyError, EOFError, BadZipFile):
             raise SceneError(f"{self.path}: is not a readable checkpoint; remove it to start afresh") from None
         check_scene(self.path, scene, self._scene)
         if self._target.stat().st_size < written:
-            raise SceneError(f"{self._target}: has lost what was written before the checkpoint; use --overwrite to start afresh")
+            raise SceneError(f"{self._target}: has lost what was written before the checkpoint; allowed: to overwrite it")
         return state
 
     def remove(self) -> None:
         self.path.unlink(missing_ok=True)
 
 
-def check_scene(path: Path, theirs: str, ours: str) -> None:
-    """Raises SceneError with the keys in which the scene at `path` differs from a run's (both as JSON)."""
-    there, here = (_flat(Scene.model_validate_json(text).model_dump()) for text in (theirs, ours))
+def check_scene(path: Path, theirs: Scene, ours: Scene) -> None:
+    """Raises SceneError with the keys in which the scene at `path` differs from a run's."""
+    there, here = (_flat(scene.model_dump()) for scene in (theirs, ours))
     names = [name for name in sorted(there.keys() | here.keys()) if there.get(name) != here.get(name)]
     if names:
-        raise SceneError(f"{path}: is of another scene ({', '.join(names)} differ); use --overwrite to start afresh")
+        raise SceneError(f"{path}: is of another scene ({', '.join(names)} differ); allowed: to overwrite it, or another name")
 
 
 def _flat(tables: dict[str, Any]) -> dict[str, Any]:
@@ -88,6 +88,6 @@ def finished(target: Path, scene: Scene) -> bool:
         return False
     with open_run(target) as run:
         if run.attrs.get("method") != "particles":
-            raise SceneError(f"{target}: is a run of method {run.attrs.get('method')!r}; name another file with -o")
-        check_scene(target, run.attrs["scene"], scene.model_dump_json(exclude_none=True))
+            raise SceneError(f"{target}: is a run of method {run.attrs.get('method')!r}; allowed: another name")
+        check_scene(target, scene_of(run, target), scene)
         return "status" in run and int(run["status"]) == FINISHED

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinetic_solver.arrays import Array
+from kinetic_solver.errors import SolverStopped
 from particles.random import COLLISIONS, unit, words
 
 FOLLOW = -1.0
@@ -39,11 +40,11 @@ def collide(
 
     `rate` is S w h/Δx for the step h: the mean number of collisions of a pair, per |v - v'|. `restitution` is ε of (12), or
     `FOLLOW`. `tally` (cells, 2) receives candidates and collisions of each cell. (12) conserves momentum to round-off.
-    Raises RuntimeError where a cell needs more draws than the generator's counter has.
+    Raises SolverStopped where a cell needs more draws than the generator's counter has.
     """
     _collide(v, starts, rate, restitution, np.uint64(number), key[0], key[1], tally)
     if tally[:, 0].max() >= DRAWS:
-        raise RuntimeError(
+        raise SolverStopped(
             f"step {number}: more than {DRAWS} candidate pairs in a cell; raise particles.cells or reduce particles.time_step"
         )
 

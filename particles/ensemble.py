@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinetic_solver.arrays import Array
+from kinetic_solver.errors import SolverStopped
 from particles.langevin import LangevinStep, advance, moved
 
 BLOCKS = 64
@@ -33,7 +34,7 @@ def memory(count: int, cells: int) -> int:
 class Ensemble:
     """Positions x in [0, length) and velocities v, shape (n,). After a sort `starts` (cells + 1,) says where each cell begins.
 
-    Takes over the arrays it is given. Raises RuntimeError in a step after which a place or a velocity is not finite.
+    Takes over the arrays it is given. Raises SolverStopped in a step after which a place or a velocity is not finite.
     """
 
     def __init__(self, x: Array, v: Array, length: float, cells: int) -> None:
@@ -67,8 +68,8 @@ class Ensemble:
         self.v, self._other_v = self._other_v, self.v
 
 
-def _lost(number: int) -> RuntimeError:
-    return RuntimeError(
+def _lost(number: int) -> SolverStopped:
+    return SolverStopped(
         f"step {number}: places or velocities of particles are not finite; reduce what [model] or [initial] gives"
     )
 

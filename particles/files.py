@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kinetic_solver.arrays import Array
+from kinetic_solver.dataset import open_netcdf, scene_of
 from kinetic_solver.errors import SceneError
 from kinetic_solver.scene import Scene
 
@@ -77,6 +78,15 @@ def last_frame(dataset: xr.Dataset) -> int:
     return frames[-1] if frames else -1
 
 
+def holds_particles(path: str | Path) -> bool:
+    """Whether a file holds particles and no f, so that particles alone can start from it."""
+    try:
+        with open_netcdf(path) as dataset:
+            return particle_names(dataset) is not None and "f" not in dataset
+    except SceneError:
+        return False
+
+
 def count_of(scene: Scene) -> tuple[int, int]:
     """(replicas, particles of each) in `initial.file`."""
     x, _ = start_from_file(scene)
@@ -88,25 +98,19 @@ def start_from_file(scene: Scene) -> tuple[Array, Array]:
 
     Raises SceneError where it cannot be read, holds no particles, or ones that are not finite.
     """
-    import xarray as xr
-
     path = scene.initial.file
     assert path is not None
     where = f"initial.file = {path!r}"
     if not Path(path).is_file():
         raise SceneError(f"{where}: there is no such file")
-    try:
-        dataset = xr.open_dataset(path)
-    except (OSError, ValueError):
-        raise SceneError(f"{where}: is not a readable netCDF file") from None
-    with dataset:
+    with open_netcdf(path, where) as dataset:
         if particle_names(dataset) is None:
             raise SceneError(
                 f"{where}: has no positions and velocities of particles (position, velocity or x, v over particles); "
                 "the particles start from nothing else (runs write them with output.particles = true)"
             )
         if "scene" in dataset.attrs:
-            theirs = Scene.model_validate_json(dataset.attrs["scene"]).pipe.length
+            theirs = scene_of(dataset, where).pipe.length
             if not np.isclose(theirs, scene.pipe.length, rtol=1e-9):
                 raise SceneError(f"{where}: its period is {theirs:.10g}, the scene's {scene.pipe.length:.10g}")
         try:

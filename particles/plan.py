@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import os
+from functools import cached_property
 
 import numpy as np
 
@@ -13,11 +13,12 @@ from kinetic_solver.arrays import Array
 from kinetic_solver.errors import SceneError
 from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.initial import start_state
-from kinetic_solver.scene import Scene
+from kinetic_solver.machine import too_large
+from kinetic_solver.scene import FOLLOW_LEADER, Scene, Schedule
 from particles import ensemble, single_file
 from particles.estimators import memory_of_samples
 from particles.files import count_of, start_from_file
-from particles.records import frame_times, written_bytes
+from particles.records import GROUPS, written_bytes
 
 LEAST_IN_CELL = 20
 MOST_STEPS = 2**32
@@ -43,10 +44,15 @@ class ParticlePlan:
     relative_width: float
     """A cell's width over the shortest of the mean free path, the thermal free path √θ/γ and 1/k; 0 without cells."""
 
+    @cached_property
+    def schedule(self) -> Schedule:
+        """When anything is written."""
+        return Schedule.of(self.scene, GROUPS)
+
     @property
     def longest_step(self) -> float:
         """That is taken: frames are closer where steps are long."""
-        return min(self.time_step, float(np.diff(frame_times(self.scene)).max()))
+        return min(self.time_step, float(np.diff(self.schedule.times).max()))
 
     @property
     def cell_width(self) -> float:
@@ -140,11 +146,9 @@ def _check(plan: ParticlePlan) -> None:
             f"{fastest * longest / scene.pipe.length:.2g} times in one step, so that places have no digits left; allowed: up to "
             f"{MOST_PERIODS:g} times"
         )
-    available = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-    if plan.memory > 0.9 * available:
+    if (problem := too_large(plan.memory)) is not None:
         asked = f"particles: count = {given.count}, replicas = {given.replicas}, cells = {plan.cells}"
-        needed, there = plan.memory / 2**30, available / 2**30
-        raise SceneError(f"{asked} need {needed:.3g} GiB, this machine has {there:.3g} GiB; reduce them, or what is written")
+        raise SceneError(f"{asked} {problem}; reduce them, or what is written")
 
 
 def _of_the_file(scene: Scene) -> Scene:
@@ -192,7 +196,7 @@ def _window(scene: Scene) -> tuple[float, float]:
     density, u, theta = _start(scene)
     means = [float(u.min()), float(u.max())]
     if model.friction > 0:
-        drag = scene.cross_section * float(density.max()) * model.noise if scene.operator == "follow-the-leader" else 0.0
+        drag = scene.cross_section * float(density.max()) * model.noise if scene.operator == FOLLOW_LEADER else 0.0
         approached = -math.expm1(-model.friction * end)
         for force in (model.gravity, model.gravity - drag):
             means += [m + (force / model.friction - m) * approached for m in means[:2]]

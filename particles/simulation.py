@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from kinetic_solver import initial
 from kinetic_solver.arrays import Array
-from kinetic_solver.dataset import MemoryRecorder, Recorder
+from kinetic_solver.dataset import MemoryRecorder, Recorder, recording
 from kinetic_solver.initial import start_state
 from kinetic_solver.scene import INELASTIC, Scene
 from particles.collisions import FOLLOW, collide
@@ -21,7 +21,8 @@ from particles.files import start_from_file
 from particles.langevin import LangevinStep
 from particles.plan import ParticlePlan, make_plan
 from particles.random import POSITIONS, VELOCITIES, key, standard_normals, uniforms
-from particles.records import coordinates, due, frame_times, report, variables
+from particles.records import coordinates, variables
+from particles.report import report
 from particles.single_file import SingleFile
 from particles.threads import threads_for
 
@@ -163,11 +164,14 @@ class Simulation:
 def simulate(scene: Scene, progress: Progress | None = None) -> xr.Dataset:
     """Run the scene's particles and return its Dataset (docs/output.md): means over replicas, each with `<name>_stderr`.
 
-    Raises SceneError where the scene asks for what the particles do not do.
+    Raises SceneError where the scene asks for what the particles do not do, and SolverStopped, with the frames so far as its
+    `dataset`, where a run cannot go on.
     """
     plan = make_plan(scene)
-    recorder = MemoryRecorder(plan.grid, plan.scene, "particles", variables(plan), coordinates(plan))
-    run(plan, recorder, progress)
+    table, more = variables(plan.scene, plan.grid), coordinates(plan.scene, plan.grid)
+    recorder = MemoryRecorder(plan.grid, plan.scene, plan.schedule, "particles", table, more)
+    with recording(recorder):
+        run(plan, recorder, progress)
     recorder.close(report=report(plan))
     return recorder.dataset()
 
@@ -185,11 +189,11 @@ def run(
     """
     simulation = Simulation(plan, state)
     sampler = Sampler(plan.grid.length, plan.grid.nx, plan.grid.v, simulation.weight)
-    for time in frame_times(plan.scene).tolist():
+    for time, due in zip(plan.schedule.times.tolist(), plan.schedule.due, strict=True):
         if state is not None and time <= simulation.time:
             continue
         simulation.advance_to(time)
-        recorder.record(time, frame(simulation, sampler))
+        recorder.record(time, frame(simulation, sampler, due))
         if progress is not None and time > 0:
             progress(time, plan.scene.run.end_time)
         if after_frame is not None:
@@ -197,7 +201,7 @@ def run(
     return simulation
 
 
-def frame(simulation: Simulation, sampler: Sampler) -> dict[str, dict[str, Any]]:
+def frame(simulation: Simulation, sampler: Sampler, due: frozenset[str]) -> dict[str, dict[str, Any]]:
     """What is due at the simulation's time: group → name → value."""
     plan, particles = simulation.plan, simulation.particles()
     samples = [sampler.sample(x, v) for x, v in particles]
@@ -207,7 +211,7 @@ def frame(simulation: Simulation, sampler: Sampler) -> dict[str, dict[str, Any]]
     values["outside_window"] = sum(s.outside for s in samples) / (len(samples) * plan.scene.particles.count)
     simulation.outside = max(simulation.outside, values["outside_window"])
     values["collisions"], values["candidates"] = float(simulation.collisions), float(simulation.candidates)
-    groups = {group: table for group, table in variables(plan).items() if due(plan.scene, group, simulation.time)}
+    groups = {group: table for group, table in variables(plan.scene, plan.grid).items() if group in due}
     if "particles" in groups:
         values |= {"position": np.array([x for x, _ in particles]), "velocity": np.array([v for _, v in particles])}
     return {group: {name: values[name] for name in table} for group, table in groups.items()}

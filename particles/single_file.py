@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinetic_solver.arrays import Array
-from kinetic_solver.errors import SceneError
+from kinetic_solver.errors import SceneError, SolverStopped
 from kinetic_solver.scene import Model
 from particles.langevin import LangevinStep
 from particles.random import LANGEVIN, OVERTAKINGS, normal, unit, words
@@ -80,7 +80,7 @@ class SingleFile:
         """`steps` steps over the time `interval`, with random numbers `number` to `number + steps`: overtakings and collisions.
 
         Overtakings are all meetings of two particles, collisions included. (12) conserves momentum to round-off.
-        RuntimeError where x or v is not finite, and where overtakings of one flight exceed 1000 n + 100 n²wh/L, w the range of
+        SolverStopped where x or v is not finite, and where overtakings of one flight exceed 1000 n + 100 n²wh/L, w the range of
         velocities (a homogeneous gas has less than n²wh/2L): inelastic collapse, or a cluster of all particles.
         """
         h = interval / steps
@@ -90,9 +90,9 @@ class SingleFile:
             *(h, steps, half, whole, number, key[0], key[1], 100.0),
         )
         if ended == _NOT_FINITE:
-            raise RuntimeError("single-file particles: a place or velocity is not a finite number; lower particles.time_step")
+            raise SolverStopped("single-file particles: a place or velocity is not a finite number; lower particles.time_step")
         if ended == _TOO_MANY:
-            raise RuntimeError(
+            raise SolverStopped(
                 f"single-file particles: 100 times the overtakings of a homogeneous gas in one step of {h:.4g}, as in inelastic "
                 f"collapse; P = S_C w is {self.probability:.4g}: raise particles.count, or lower particles.time_step"
             )

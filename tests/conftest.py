@@ -14,8 +14,13 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
+from hypothesis import settings
 
 from kinetic_solver.scene import Scene
+
+# No test depends on the clock: hypothesis fails examples that take longer than 0.2 s unless told otherwise.
+settings.register_profile("without a clock", deadline=None)
+settings.load_profile("without a clock")
 
 BASE: dict[str, Any] = {
     "model": {"gravity": 1.3, "friction": 0.7, "noise": 0.5},

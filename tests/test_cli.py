@@ -1,12 +1,10 @@
-"""The command line: exit codes, one-line errors, no files left behind, a fast --help."""
+"""The command line: exit codes, one-line errors, no files left behind."""
 
 from __future__ import annotations
 
-import os
 import re
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -156,17 +154,3 @@ velocity_window = [-6.0, 6.0]
         assert dataset.sizes["time"] > 2
         temperature = dataset["temperature"].values[:, 0]
         assert (temperature[1:] < temperature[:-1]).all()
-
-
-def test_help_is_fast(folder: Path) -> None:
-    """Under 0.3 s beyond what starting Python costs, best of five."""
-
-    def best(*command: str) -> float:
-        times = []
-        for _ in range(5):
-            start = time.perf_counter()
-            subprocess.run([sys.executable, *command], capture_output=True, check=True, env=dict(os.environ))
-            times.append(time.perf_counter() - start)
-        return min(times)
-
-    assert best("-m", "kinetic_solver", "--help") < 0.3

@@ -10,11 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from kinetic_solver.dataset import MemoryRecorder
+from kinetic_solver.dataset import VARIABLES, MemoryRecorder
 from kinetic_solver.errors import SceneError, SolverStopped
 from kinetic_solver.plan import Plan, make_plan
 from kinetic_solver.plan.in_x import fast_odd
-from kinetic_solver.plan.plan import GROUPS
 from kinetic_solver.scene import Accuracy, Scene, Schedule
 from kinetic_solver.solver import integrate
 
@@ -47,7 +46,7 @@ def certify(scene: Scene, run: xr.Dataset, say: Callable[[str], None] = lambda t
 
     names = [name for name in FIELDS if name in run]
     if not names:
-        raise SceneError("output: f and moments are both false; allowed with --certify: one of them at least")
+        raise SceneError("output: f and moments are both false; allowed: one of them at least")
     plan = make_plan(scene)
     truth = _solve(_refined(plan, 2), "everything refined twice", say)
     once = _solve(_refined(plan, 1), "everything refined once", say)
@@ -83,7 +82,7 @@ def certify(scene: Scene, run: xr.Dataset, say: Callable[[str], None] = lambda t
 def _solve(plan: Plan, what: str, say: Callable[[str], None]) -> xr.Dataset:
     g = plan.grid
     say(f"certifying: {what}, {g.nx} × {g.nv}")
-    recorder = MemoryRecorder(plan.output, plan.scene)
+    recorder = MemoryRecorder(plan.output, plan.scene, plan.schedule)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of a coarse grid that is meant to be coarse
         integrate(plan, recorder)
@@ -129,7 +128,7 @@ def _fixed(plan: Plan, nx: int, nv: int, window: tuple[float, float], steps: flo
     step = plan.time_step / steps if plan.time_step is not None and not plan.controlled else plan.time_step
     quiet = plan.scene.output.model_copy(update={"scalars": False, "budgets": False, "moment_equations": False})
     scene = plan.scene.model_copy(update={"output": quiet})
-    schedule = Schedule.of(scene, GROUPS)
+    schedule = Schedule.of(scene, VARIABLES)
     return dataclasses.replace(
         plan.with_inner(inner), scene=scene, schedule=schedule, grid=grid, time_step=step, shortest_step=0.0
     )

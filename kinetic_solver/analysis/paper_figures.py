@@ -38,7 +38,7 @@ def figure_scene(figure: int, operator: str = "follow-the-leader", count: int = 
     if figure not in COLLISION_NUMBERS:
         raise SceneError(f"figure {figure}: allowed: 2 or 3")
     if 0 < count < LEAST_COUNT:
-        raise SceneError(f"--count {count}: allowed: {LEAST_COUNT} or more, two to a bin")
+        raise SceneError(f"count = {count}: allowed: {LEAST_COUNT} or more, two to a bin")
     collisions = {"operator": operator, "cross_section": COLLISION_NUMBERS[figure]}
     if operator == INELASTIC:
         collisions["restitution"] = RESTITUTION

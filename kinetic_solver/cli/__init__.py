@@ -1,5 +1,19 @@
 """The command line: thin, and lazy: nothing heavy is imported until a command runs."""
 
+from kinetic_solver.cli import compare, init, look, run, theory
 from kinetic_solver.cli.app import app, main
+
+# In the order in which --help lists them.
+for command in (
+    run.run,
+    look.plot,
+    look.describe,
+    theory.stability,
+    compare.compare,
+    theory.figure,
+    look.info,
+    init.init,
+):
+    app.command()(command)
 
 __all__ = ["app", "main"]

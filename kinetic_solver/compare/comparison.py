@@ -158,7 +158,7 @@ def compare(
     if scene is None:
         raise SceneError(f"{a.name}, {b.name}: neither has a scene, so the period is not known; allowed: one run of this solver")
     if time is not None and not any(np.isnan(side.times("density")).any() for side in (a, b)):
-        raise SceneError(f"--time {time:g}: both have times of their own; allowed: for particles that have none")
+        raise SceneError(f"time = {time:g}: both have times of their own; allowed: for particles that have none")
     notes = [*_differences(a, b), *_unusable(a), *_unusable(b)]
     for side in (a, b):
         side.law = side.scene or scene

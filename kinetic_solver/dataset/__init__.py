@@ -2,7 +2,7 @@
 
 from kinetic_solver.dataset.files import append, open_netcdf, open_run, refuse_existing, scene_of, write_dataset
 from kinetic_solver.dataset.provenance import attributes
-from kinetic_solver.dataset.recorders import MemoryRecorder, NetCDFRecorder, Recorder
+from kinetic_solver.dataset.recorders import MemoryRecorder, NetCDFRecorder, Recorder, recording
 from kinetic_solver.dataset.schema import FINISHED, RUNNING, STOPPED, VARIABLES, Frame, Variables
 
 __all__ = [
@@ -19,6 +19,7 @@ __all__ = [
     "attributes",
     "open_netcdf",
     "open_run",
+    "recording",
     "refuse_existing",
     "scene_of",
     "write_dataset",

@@ -28,24 +28,31 @@ def open_run(path: str | Path) -> xr.Dataset:
     """A run's dataset, read lazily. Raises SceneError where there is none."""
     dataset = open_netcdf(path)
     if "scene" not in dataset.attrs:
-        raise SceneError(f"{path}: was not written by kinetic-solver (it has no scene)")
+        dataset.close()
+        raise _no_scene(path)
     return dataset
 
 
 def scene_of(dataset: xr.Dataset, source: str | Path = "dataset") -> Scene:
     """The scene of a run's dataset. Raises SceneError, which begins with `source`, where it has none or a damaged one."""
     if "scene" not in dataset.attrs:
-        raise SceneError(f"{source}: was not written by kinetic-solver (it has no scene)")
+        raise _no_scene(source)
     try:
         return Scene.model_validate_json(dataset.attrs["scene"])
     except ValidationError as error:
         raise SceneError(f"{source}: its scene cannot be read ({one_line(error)})") from None
 
 
+def _no_scene(source: str | Path) -> SceneError:
+    return SceneError(f"{source}: was not written by kinetic-solver (it has no scene)")
+
+
 def refuse_existing(path: str | Path, overwrite: bool = False) -> None:
     """Raises OutputExistsError where the file exists and may not be replaced."""
     if Path(path).exists() and not overwrite:
-        raise OutputExistsError(f"{path}: exists already; allowed: another name, or to overwrite it")
+        error = OutputExistsError(f"{path}: exists already; allowed: another name, or to overwrite it")
+        error.path = Path(path)
+        raise error
 
 
 def append(path: str | Path, dataset: xr.Dataset) -> None:

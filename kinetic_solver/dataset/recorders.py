@@ -1,18 +1,23 @@
 """Recorders take frames as a run produces them: into memory, or into a netCDF file that others may read meanwhile.
 
-Files are netCDF classic 64-bit data (CDF-5): measured, it is the format that another process can open while it is being
-written, without special settings (HDF5 locks). Each frame is synced to disk as it is written.
+When anything is due is the schedule's to say (kinetic_solver/scene/schedule.py): a recorder gives each group of `[output]` the
+time dimension that the schedule names.
+
+Files are netCDF classic 64-bit data (CDF-5): measured (benchmarks/live_file.py), it is the format that another process can open
+while it is being written, without special settings (HDF5 locks). Each frame is synced to disk as it is written.
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from kinetic_solver.dataset.files import refuse_existing
 from kinetic_solver.dataset.provenance import attributes
 from kinetic_solver.dataset.schema import (
     FINISHED,
@@ -25,24 +30,12 @@ from kinetic_solver.dataset.schema import (
     bounds,
     coordinates,
 )
-from kinetic_solver.errors import SceneError
+from kinetic_solver.errors import RunUnfinished, SceneError, SolverStopped
 from kinetic_solver.grid import PhaseSpaceGrid
-from kinetic_solver.scene import Scene
+from kinetic_solver.scene import Scene, Schedule
 
 if TYPE_CHECKING:
     import xarray as xr
-
-
-def _time_dimensions(scene: Scene, variables: Variables) -> dict[str, str]:
-    """The time dimension of each group: `time`, or `time_<group>` for a cadence of its own."""
-    result = {}
-    for group in variables:
-        cadence = getattr(scene.output, group)
-        if cadence is False:
-            continue
-        own = cadence is not True and cadence != scene.output_every
-        result[group] = f"time_{group}" if own else "time"
-    return result
 
 
 class Recorder(Protocol):
@@ -54,20 +47,37 @@ class Recorder(Protocol):
         """The run is over: finished, with what it reports as attributes, or stopped for the reason given."""
 
 
+@contextmanager
+def recording(recorder: Recorder) -> Iterator[None]:
+    """A run that fails or is interrupted closes its recorder with the reason; the run closes it where it comes to its end.
+
+    A SolverStopped takes the frames that were kept in memory with it, as its `dataset`.
+    """
+    try:
+        yield
+    except BaseException as stop:
+        said = isinstance(stop, (SolverStopped, RunUnfinished))
+        recorder.close(stopped=str(stop) if said else f"interrupted by {type(stop).__name__} {stop}".strip())
+        if isinstance(stop, SolverStopped) and isinstance(recorder, MemoryRecorder):
+            stop.dataset = recorder.dataset()
+        raise
+
+
 class MemoryRecorder:
-    """Keeps frames in memory and makes them a Dataset."""
+    """Keeps frames in memory and makes them a Dataset. `more` are coordinates beside time, x and v."""
 
     def __init__(
         self,
         grid: PhaseSpaceGrid,
         scene: Scene,
+        schedule: Schedule,
         method: str = "grid",
         variables: Variables = VARIABLES,
         more: Mapping[str, np.ndarray] | None = None,
     ) -> None:
         self.grid, self.scene, self.method = grid, scene, method
         self._variables, self._more = variables, more or {}
-        self._dimensions = _time_dimensions(scene, variables)
+        self._dimensions = schedule.dimensions(scene)
         self._times: dict[str, list[float]] = {name: [] for name in self._dimensions.values()}
         self._values: dict[str, list[Any]] = {}
         self._status = RUNNING
@@ -113,7 +123,7 @@ class NetCDFRecorder:
 
     Groups with a cadence of their own have a time dimension of known length, whose frames to come are NaN. With `after` the file
     is one that a stopped run left, and goes on with the frame that follows that time.
-    Raises SceneError where the file exists and may not be overwritten, or cannot be created.
+    Raises OutputExistsError where the file exists and may not be overwritten, SceneError where it cannot be created.
     """
 
     def __init__(
@@ -121,6 +131,7 @@ class NetCDFRecorder:
         path: str | Path,
         grid: PhaseSpaceGrid,
         scene: Scene,
+        schedule: Schedule,
         method: str = "grid",
         overwrite: bool = False,
         variables: Variables = VARIABLES,
@@ -128,14 +139,13 @@ class NetCDFRecorder:
         after: float | None = None,
     ) -> None:
         self.path = Path(path)
-        if self.path.exists() and not overwrite and after is None:
-            raise SceneError(f"{self.path}: exists already; use --overwrite to replace it, or name another file with -o")
+        refuse_existing(path, overwrite or after is not None)
         if not self.path.parent.is_dir():
             raise SceneError(f"{self.path}: cannot be created (its folder does not exist)")
         self._grid, self._scene, self._method = grid, scene, method
         self._file: Any = None
         self._variables, self._more = variables, more or {}
-        self._dimensions = _time_dimensions(scene, variables)
+        self._schedule, self._dimensions = schedule, schedule.dimensions(scene)
         self._count = dict.fromkeys(self._dimensions.values(), 0)
         if after is not None:
             self._reopen(after)
@@ -180,7 +190,7 @@ class NetCDFRecorder:
         status[...] = RUNNING
         for group, dimension in self._dimensions.items():
             if dimension not in out.dimensions:
-                times = None if dimension == "time" else scene.times(getattr(scene.output, group))
+                times = None if dimension == "time" else self._schedule.of_group(group)
                 out.createDimension(dimension, None if times is None else len(times))
                 variable = out.createVariable(dimension, "f8", (dimension,))
                 variable.setncatts({"long_name": "time", "units": "time", "axis": "T"})

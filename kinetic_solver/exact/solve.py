@@ -3,20 +3,28 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from kinetic_solver.arrays import Array
-from kinetic_solver.dataset import MemoryRecorder
+from kinetic_solver.dataset import Frame, MemoryRecorder, Variables, schema
 from kinetic_solver.errors import SceneError
 from kinetic_solver.exact.solution import Solution
 from kinetic_solver.grid import PhaseSpaceGrid
-from kinetic_solver.scene import INELASTIC, Scene
+from kinetic_solver.scene import INELASTIC, Scene, Schedule
 
 if TYPE_CHECKING:
     import xarray as xr
+
+VARIABLES: Variables = {
+    "f": schema.VARIABLES["f"],
+    "moments": schema.VARIABLES["moments"],
+    "scalars": {name: schema.VARIABLES["scalars"][name] for name in ("mass", "momentum", "energy")},
+}
+"""Those of the common schema that a closed form has: no diagnostics, no budgets."""
 
 
 def solve(scene: Scene, x: ArrayLike | None = None, v: ArrayLike | None = None) -> xr.Dataset:
@@ -24,8 +32,43 @@ def solve(scene: Scene, x: ArrayLike | None = None, v: ArrayLike | None = None) 
 
     `x` (uniform over one period from 0) and `v` (uniform) give the points, as `run["x"]`, `run["v"]` of a grid run; by default
     grid.nx or 64, and grid.nv or 128 points in grid.velocity_window or one that holds the solution.
-    Raises SceneError for operator (12) and for a start from a file or an eigenmode, which have no closed form here.
+    Raises SceneError for operator (12) and for a start from a file or an eigenmode, which have no closed form here, and for
+    points that are not uniform.
     """
+    grid, schedule = points(scene, x, v), Schedule.of(scene, VARIABLES)
+    recorder = MemoryRecorder(grid, scene, schedule, "exact", VARIABLES)
+    for time, frame in frames(scene, grid, schedule):
+        recorder.record(time, frame)
+    recorder.close()
+    dataset = recorder.dataset()
+    for name, given in (("x", x), ("v", v)):
+        if given is not None:  # bit for bit as given: xarray aligns equal coordinates only
+            dataset = dataset.assign_coords({name: (name, np.asarray(given, dtype=float), dataset[name].attrs)})
+    return dataset
+
+
+def frames(scene: Scene, grid: PhaseSpaceGrid, schedule: Schedule) -> Iterator[tuple[float, Frame]]:
+    """What is due at each time of the schedule, at the points of the grid; f is made only where it, or w(v) = ∫f dx, is due."""
+    for time, due in zip(schedule.times.tolist(), schedule.due, strict=True):
+        state = Solution(scene, time)
+        frame: dict[str, dict[str, Array | float]] = {}
+        if due & {"f", "moments"}:
+            f = state.distribution(grid.x, grid.v)
+        if due & {"moments", "scalars"}:
+            rho, u, theta, q = state.moments(grid.x)
+        if "f" in due:
+            frame["f"] = {"f": f}
+        if "moments" in due:
+            w = f.sum(axis=0) * grid.dx
+            frame["moments"] = dict(zip(VARIABLES["moments"], (rho, u, theta, q, w), strict=True))
+        if "scalars" in due:
+            mass, momentum, energy = rho.sum(), (rho * u).sum(), (rho * (u**2 + theta)).sum() / 2
+            frame["scalars"] = {"mass": mass * grid.dx, "momentum": momentum * grid.dx, "energy": energy * grid.dx}
+        yield time, frame
+
+
+def points(scene: Scene, x: ArrayLike | None = None, v: ArrayLike | None = None) -> PhaseSpaceGrid:
+    """The points of the scene's exact solution, as `solve` has them. Raises SceneError as `solve` does."""
     if scene.operator == INELASTIC:
         raise SceneError(
             "collisions.operator = 'inelastic': has no closed form; allowed for the exact method: 'follow-the-leader', none"
@@ -34,61 +77,31 @@ def solve(scene: Scene, x: ArrayLike | None = None, v: ArrayLike | None = None) 
         raise SceneError("initial.file: has no closed form; the exact method starts from a Maxwellian")
     if scene.initial.eigenmodes:
         raise SceneError("initial.eigenmodes: have no closed form here; the exact method starts from a Maxwellian")
-    grid = _grid(scene, x, v)
-    recorder = MemoryRecorder(grid, scene, method="exact")
-    for time in scene.times():
-        state = Solution(scene, float(time))
-        moments = state.moments(grid.x)
-        rho, u, theta, q = moments
-        f = state.distribution(grid.x, grid.v)
-        frame: dict[str, dict[str, Array | float]] = {}
-        if scene.output.f is not False:
-            frame["f"] = {"f": f}
-        if scene.output.moments is not False:
-            frame["moments"] = {
-                "density": rho,
-                "mean_velocity": u,
-                "temperature": theta,
-                "heat_flux": q,
-                "velocity_distribution": f.sum(axis=0) * grid.dx,
-            }
-        if scene.output.scalars is not False:
-            frame["scalars"] = {
-                "mass": rho.sum() * grid.dx,
-                "momentum": (rho * u).sum() * grid.dx,
-                "energy": (rho * (u**2 + theta)).sum() * grid.dx / 2,
-            }
-        recorder.record(float(time), frame)
-    recorder.close()
-    dataset = recorder.dataset()
-    for name, points in (("x", x), ("v", v)):
-        if points is not None:  # bit for bit as given: xarray aligns equal coordinates only
-            dataset = dataset.assign_coords({name: (name, np.asarray(points, dtype=float), dataset[name].attrs)})
-    return dataset
+    return _grid(scene, x, v)
 
 
 def _grid(scene: Scene, x: ArrayLike | None, v: ArrayLike | None) -> PhaseSpaceGrid:
     nx = np.size(x) if x is not None else scene.grid.nx or (1 if scene.homogeneous else 64)
     nv = np.size(v) if v is not None else scene.grid.nv or 128
     if v is not None:
-        points = np.asarray(v, float)
-        half = (points[-1] - points[0]) / (nv - 1) / 2
-        low, high = float(points[0] - half), float(points[-1] + half)
+        velocities = np.asarray(v, float)
+        half = (velocities[-1] - velocities[0]) / (nv - 1) / 2
+        low, high = float(velocities[0] - half), float(velocities[-1] + half)
     else:
         low, high = scene.grid.velocity_window or _window(scene)
     grid = PhaseSpaceGrid(nx, nv, scene.pipe.length, low, high)
-    for name, given, points in (("x", x, grid.x), ("v", v, grid.v)):
-        if given is not None and not np.allclose(given, points, rtol=1e-9, atol=1e-9 * (points[-1] - points[0])):
-            raise ValueError(f"{name} must be uniform" + (" over one period, from 0" if name == "x" else ""))
+    for name, given, wanted in (("x", x, grid.x), ("v", v, grid.v)):
+        if given is not None and not np.allclose(given, wanted, rtol=1e-9, atol=1e-9 * (wanted[-1] - wanted[0])):
+            raise SceneError(f"{name}: must be uniform" + (" over one period, from 0" if name == "x" else ""))
     return grid
 
 
 def _window(scene: Scene) -> tuple[float, float]:
     """Six standard deviations about every mean velocity at the start and at the end."""
-    points = scene.pipe.length * np.arange(64) / 64
+    places = scene.pipe.length * np.arange(64) / 64
     means, spreads = [], []
     for time in (0.0, scene.run.end_time):
-        _, u, theta, _ = Solution(scene, time).moments(points)
+        _, u, theta, _ = Solution(scene, time).moments(places)
         means += [u.min(), u.max()]
         spreads.append(theta.max())
     reach = 6 * math.sqrt(max(spreads))

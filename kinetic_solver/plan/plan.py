@@ -16,6 +16,7 @@ import numpy as np
 
 from kinetic_solver import initial
 from kinetic_solver.arrays import Array
+from kinetic_solver.dataset import VARIABLES
 from kinetic_solver.errors import SceneError
 from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.machine import too_large
@@ -34,8 +35,6 @@ from kinetic_solver.scene import (
     VelocityScheme,
 )
 
-GROUPS = ("f", "moments", "scalars", "budgets", "moment_equations")
-"""Of `[output]`, that a run on the grid writes."""
 MOST_VELOCITIES = 20_000
 """Of the output of a noiseless run. Chosen: more are asked for by mistake."""
 MEMORY_TIME = 5.0
@@ -133,7 +132,7 @@ def make_plan(scene: Scene) -> Plan:
 
 
 def _make_plan(scene: Scene, known: Mapping[str, str]) -> Plan:
-    schedule = Schedule.of(scene, GROUPS)
+    schedule = Schedule.of(scene, VARIABLES)
     here = scales_of(scene, schedule.times)
     choices.check_given(here)
 

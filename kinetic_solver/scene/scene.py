@@ -11,7 +11,7 @@ from pydantic import model_validator
 
 from kinetic_solver.arrays import Array
 from kinetic_solver.scene import toml
-from kinetic_solver.scene.schedule import multiples
+from kinetic_solver.scene.cadence import multiples
 from kinetic_solver.scene.tables import (
     INELASTIC,
     MOST_FRAMES,

@@ -24,7 +24,7 @@ def solve(scene: Scene, progress: Progress | None = None) -> xr.Dataset:
     a run cannot go on.
     """
     plan = make_plan(scene)
-    recorder = MemoryRecorder(plan.output, scene)
+    recorder = MemoryRecorder(plan.output, scene, plan.schedule)
     try:
         report = integrate(plan, recorder, progress)
     except SolverStopped as stop:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kinetic_solver.arrays import Array
+from kinetic_solver.errors import SceneError
 from kinetic_solver.scene import Scene
 from kinetic_solver.stability.flow import flow_of
 from kinetic_solver.stability.spectrum import FIRST_MODES
@@ -44,7 +45,7 @@ def density_gain(scene: Scene, mode: int = 1, times: Array | None = None) -> Arr
     flow, units = flow_of(scene)
     chosen = growth_times(scene, mode) if times is None else np.asarray(times, dtype=float)
     if (chosen < 0).any():
-        raise ValueError(f"times = {chosen.min():g}, …: must be 0 or more")
+        raise SceneError(f"times = {chosen.min():g}, …: must be 0 or more")
     return flow.density_gain(dimensionless(scene, mode), units.gamma * chosen)
 
 
@@ -139,7 +140,7 @@ def apparent_critical_density(scene: Scene, count: int, mode: int = 1, level: fl
     from scipy.optimize import brentq
 
     if count < 1 or not level > 0:
-        raise ValueError(f"count = {count}, level = {level}: must be 1 or more, and above 0")
+        raise SceneError(f"count = {count}, level = {level}: must be 1 or more, and above 0")
     unit = scene.initial.density / scene.groups.collision_number if scene.operator else math.inf
     wanted = math.log(level * count)
 

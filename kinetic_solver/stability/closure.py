@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from kinetic_solver.errors import SceneError
 from kinetic_solver.scene import FOLLOW_LEADER, INELASTIC, Scene
 from kinetic_solver.stability.units import Complex, stationary, wavenumber
 from kinetic_solver.threads import with_one_blas_thread
@@ -69,11 +70,11 @@ def critical_density(scene: Scene, mode: int = 1, moments: int = 3) -> float:
     Three moments are the paper's (3)-(5): from the marginal case s' = iω of `closure_rates`,
     S ρ_c = ω(2γ² + 3k²σ - ω²)/(2γkσ), with ω² = [3k²σ + √(9k⁴σ² + (16/3)γ²k²σ)]/2, and R*_c → 7√3/9 for k → ∞.
     Other numbers: `critical_collision_number`. inf for operator (12), whose closure is stable, and without collisions, friction
-    or noise. Raises ValueError for mode < 1, moments < 2, and for more moments than double precision resolves.
+    or noise. Raises SceneError for mode < 1, moments < 2, and for more moments than double precision resolves.
     Test: tests/linear_theory/test_closure.py.
     """
     if moments < 2:
-        raise ValueError(f"moments = {moments}: must be 2 or more")
+        raise SceneError(f"moments = {moments}: must be 2 or more")
     k = wavenumber(scene, mode)
     gamma, sigma = scene.model.friction, scene.model.noise
     if scene.operator != FOLLOW_LEADER or gamma * sigma == 0:
@@ -91,13 +92,13 @@ def critical_collision_number(wavenumber: float, moments: int = 3) -> float:
         R*_c = min [x² + 2(M - 1)]/(3x),     at least and, for large M, (2/3)√(2(M - 1))     (docs/stability.md has the proof).
 
     Otherwise the density at which an eigenvalue of `closure_generator` crosses the imaginary axis: at k* = 1 to 1e-11 for M = 32
-    and 3e-7 for M = 64. Many moments and long waves make it too ill-conditioned for double precision: ValueError then.
+    and 3e-7 for M = 64. Many moments and long waves make it too ill-conditioned for double precision: SceneError then.
     Test: tests/linear_theory/test_closure.py, against 120 digits.
     """
     if moments < 2:
-        raise ValueError(f"moments = {moments}: must be 2 or more")
+        raise SceneError(f"moments = {moments}: must be 2 or more")
     if not wavenumber > 0:
-        raise ValueError(f"wavenumber = {wavenumber}: must be above 0; inf is allowed")
+        raise SceneError(f"wavenumber = {wavenumber}: must be above 0; inf is allowed")
     if moments == 3:
         # ω²/k², in which nothing overflows or cancels
         u = (3 + math.hypot(3, 4 / math.sqrt(3) / wavenumber)) / 2
@@ -150,7 +151,7 @@ def _marginal(wavenumber: float, moments: int) -> float:
             s, left, right = eig(balanced(critical), left=True, right=True)
             n = int(s.real.argmax())
             if abs(np.vdot(left[:, n], right[:, n])) < 1 / WORST_CONDITION:
-                raise ValueError(
+                raise SceneError(
                     f"moments = {moments}: at k* = {wavenumber:.4g} double precision does not resolve the closure's "
                     "eigenvalues; allowed: fewer moments, or shorter waves"
                 )

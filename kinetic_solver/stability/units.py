@@ -43,9 +43,9 @@ def stationary(scene: Scene) -> None:
 
 
 def wavenumber(scene: Scene, mode: int) -> float:
-    """k = 2πn/L. Raises ValueError unless n is 1, 2, …"""
+    """k = 2πn/L. Raises SceneError unless n is 1, 2, …"""
     if mode < 1 or mode != int(mode):
-        raise ValueError(f"mode = {mode}: must be 1 or more, and whole")
+        raise SceneError(f"mode = {mode}: must be 1 or more, and whole")
     return 2 * math.pi * mode / scene.pipe.length
 
 

@@ -752,7 +752,7 @@ def test_a_bound_that_allows_everything_is_no_agreement(make_scene: MakeScene) -
 
 
 def test_a_time_for_what_has_times(make_scene: MakeScene) -> None:
-    with pytest.raises(SceneError, match=r"--time 77: both have times of their own"):
+    with pytest.raises(SceneError, match=r"time = 77: both have times of their own"):
         compare(truth(make_scene()), on_the_grid(make_scene()), time=77.0)
 
 

@@ -37,7 +37,7 @@ class Counting(MemoryRecorder):
     """Remembers when it was handed frames."""
 
     def __init__(self, plan: Plan) -> None:
-        super().__init__(plan.output, plan.scene)
+        super().__init__(plan.output, plan.scene, plan.schedule)
         self.handed: list[float] = []
 
     def record(self, time: float, frame: Frame) -> None:

@@ -42,7 +42,7 @@ def test_too_few_hermite_functions_are_noticed_in_time() -> None:
     """Started with 23 functions, (12) at rtol = 1e-6 meets it: the coefficients judged within an interval are the present ones.
     (Judged late, the error was 8.6e-6 and the estimate said 3.8e-7.)"""
     plan = with_functions(23)
-    recorder = MemoryRecorder(plan.output, plan.scene)
+    recorder = MemoryRecorder(plan.output, plan.scene, plan.schedule)
     report = integrate(plan, recorder)
     found = recorder.dataset()
     fine = {**HERMITE, "accuracy": {"rtol": 1e-8}, "grid": {"velocity": "hermite", "nv": 90, "nx": 105}}

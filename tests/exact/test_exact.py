@@ -255,7 +255,7 @@ def test_the_dataset(make_scene: MakeScene) -> None:
     assert np.array_equal(again["v"], dataset["v"])
     assert np.array_equal(again["x"], dataset["x"])
     assert np.abs(again["f"].values - dataset["f"].values).max() < 1e-12
-    with pytest.raises(ValueError, match="x must be uniform over one period"):
+    with pytest.raises(ValueError, match="x: must be uniform over one period"):
         exact.solve(scene, x=[0.0, 1.0, 3.0])
-    with pytest.raises(ValueError, match="v must be uniform"):
+    with pytest.raises(ValueError, match="v: must be uniform"):
         exact.solve(scene, v=[0.0, 1.0, 3.0])

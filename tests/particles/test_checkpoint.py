@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import netCDF4
 import numpy as np
 import xarray as xr
 
@@ -41,7 +42,7 @@ def test_stopped_and_resumed(tmp_path: Path) -> None:
     assert run(tmp_path, "-o", "straight.nc").returncode == 0
     stopped = run(tmp_path, "-o", "out.nc", "--max-walltime", "0")
     assert stopped.returncode == 3, stopped.stderr
-    assert "stopped at t = 0 after 0 s; go on with --resume" in stopped.stderr
+    assert "stopped at t = 0 after 0 s; resume it to go on (--resume)" in stopped.stderr
     with xr.open_dataset(tmp_path / "out.nc") as part:
         assert int(part["status"]) == 2
         assert part.sizes["time"] == 1
@@ -81,6 +82,24 @@ def test_a_broken_checkpoint_is_said(tmp_path: Path) -> None:
         assert "is not a readable checkpoint; remove it to start afresh" in done.stderr
 
 
+def test_a_damaged_scene_is_said(tmp_path: Path) -> None:
+    """In the run's file, and in the checkpoint."""
+    (tmp_path / "scene.toml").write_text(SCENE)
+    assert run(tmp_path, "-o", "out.nc", "--max-walltime", "0").returncode == 3
+    with np.load(tmp_path / "out.nc.checkpoint") as whole:
+        state = dict(whole)
+    with (tmp_path / "out.nc.checkpoint").open("wb") as file:
+        np.savez(file, **{**state, "scene": '{"pipe": {}}'})
+    done = run(tmp_path, "-o", "out.nc", "--resume")
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert "is not a readable checkpoint" in done.stderr
+    with netCDF4.Dataset(tmp_path / "out.nc", "a") as file:
+        file.scene = '{"pipe": {}}'
+    done = run(tmp_path, "-o", "out.nc", "--resume")
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert "out.nc: its scene cannot be read" in done.stderr
+
+
 def test_a_file_that_lost_its_end_is_not_continued(tmp_path: Path) -> None:
     (tmp_path / "scene.toml").write_text(SCENE)
     assert run(tmp_path, "-o", "out.nc", "--max-walltime", "0").returncode == 3
@@ -97,7 +116,7 @@ def test_a_file_of_another_method_is_not_continued(tmp_path: Path) -> None:
     assert subprocess.run(command, cwd=tmp_path, capture_output=True, timeout=120).returncode == 0
     done = run(tmp_path, "-o", "out.nc", "--resume")
     assert done.returncode == 2
-    assert "out.nc: is a run of method 'exact'; name another file with -o" in done.stderr
+    assert "out.nc: is a run of method 'exact'; allowed: another name" in done.stderr
 
 
 def test_resume_is_for_particles(tmp_path: Path) -> None:
@@ -105,4 +124,4 @@ def test_resume_is_for_particles(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "kinetic_solver", "run", "scene.toml", "--resume"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120)
     assert done.returncode == 2
-    assert "--resume, --max-walltime: are for --method particles" in done.stderr
+    assert "resume: method 'grid' keeps no checkpoints, and starts afresh; allowed: with method 'particles'" in done.stderr

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +14,12 @@ import pytest
 import xarray as xr
 
 from kinetic_solver import Scene, SceneError, exact
+from kinetic_solver.dataset import Frame
+from kinetic_solver.scene import Schedule
 from particles.random import key
-from particles.records import due, frame_times
+from particles.records import GROUPS
 from particles.simulation import Simulation, make_plan, simulate
+from particles.simulation import run as run_plan
 
 MakeScene = Callable[..., Scene]
 FOLLOW = {"operator": "follow-the-leader", "cross_section": 1.2}
@@ -145,21 +148,26 @@ def test_the_command_line(tmp_path: Path) -> None:
         assert np.isfinite(run["density_stderr"].values).all()
 
 
-@pytest.mark.parametrize(
-    ("end", "every", "f"), [(10_000.0, 0.1, 0.3), (20_000.0, 0.7, 2.1), (1e-13, 1e-14, 3e-14), (1.0, 0.3, 0.2)]
-)
-def test_frames_of_two_cadences(make_scene: MakeScene, end: float, every: float, f: float) -> None:
-    """No time twice, none lost, and every group due as often as it has times, whatever the unit of time."""
-    scene = make_scene(run={"end_time": end, "output_every": every}, output={"f": f})
-    times = frame_times(scene)
-    assert np.diff(times).min() > 1e-6 * min(every, f)
-    for group, cadence in (("f", f), ("moments", True)):
-        wanted = scene.times(cadence)
-        place = np.clip(np.searchsorted(times, wanted), 1, times.size - 1)
-        nearest = np.minimum(np.abs(times[place] - wanted), np.abs(times[place - 1] - wanted))
-        assert nearest.max() <= 1e-6 * min(every, f)
-        checked = times if times.size < 100 else times[-50:]
-        assert sum(due(scene, group, t) for t in checked) == np.sum(wanted >= checked[0] - 1e-6 * every)
+def test_frames_of_two_cadences(make_scene: MakeScene) -> None:
+    """Each group is handed over when the schedule says, and no other."""
+    output = {"f": 0.2, "moments": 0.3, "particles": 0.5}
+    scene = make_scene(run={"end_time": 1.0}, output=output, particles={"count": 50}, grid={"nx": 5, "nv": 16})
+
+    class Handed:
+        def __init__(self) -> None:
+            self.frames: list[tuple[float, set[str]]] = []
+
+        def record(self, time: float, frame: Frame) -> None:
+            self.frames.append((time, set(frame)))
+
+        def close(self, stopped: str | None = None, report: Mapping[str, str] | None = None) -> None: ...
+
+    plan, recorder = make_plan(scene), Handed()
+    run_plan(plan, recorder)
+    schedule = Schedule.of(scene, GROUPS)
+    assert recorder.frames == list(zip(schedule.times.tolist(), map(set, schedule.due), strict=True))
+    assert [time for time, _ in recorder.frames] == pytest.approx([0, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 0.9, 1])
+    assert recorder.frames[1][1] == {"f"}
 
 
 def test_the_default_step_and_cells_see_the_flow_and_the_densest_place(make_scene: MakeScene) -> None:

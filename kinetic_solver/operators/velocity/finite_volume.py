@@ -42,6 +42,7 @@ class FiniteVolume:
 
     def __init__(self, grid: PhaseSpaceGrid, model: Model) -> None:
         if model.friction * model.noise == 0:
+            # a programming error: the plan chooses no such case
             raise ValueError("finite volumes need friction > 0 and noise > 0; use the kernel")
         self.grid = grid
         self.model = model

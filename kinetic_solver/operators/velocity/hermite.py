@@ -93,6 +93,7 @@ def propagators(basis: HermiteBasis, wavenumbers: Array, rate: float, model: Mod
     """
     gamma, width = model.friction, math.sqrt(basis.variance)
     if gamma > 0 and not math.isclose(basis.variance, model.noise, rel_tol=1e-12):
+        # a programming error: the plan chooses no such case
         raise ValueError(f"the basis has variance {basis.variance:g}, the noise {model.noise:g}: they must agree")
     count, k = basis.count, np.asarray(wavenumbers, dtype=float)
     e, q = math.exp(-gamma * h), h * phi1(gamma * h)

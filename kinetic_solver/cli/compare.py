@@ -1,0 +1,49 @@
+"""Lay two datasets over each other."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from kinetic_solver.cli.app import DIFFER, Numbers, Overwrite, exit_codes, refuse_picture
+
+
+def compare(
+    first: Annotated[Path, typer.Argument(metavar="A.nc", show_default=False)],
+    second: Annotated[Path, typer.Argument(metavar="B.nc", show_default=False)],
+    output: Numbers = None,
+    figure: Annotated[bool, typer.Option("--figure", help="Draw the comparison as well.")] = False,
+    level: Annotated[float, typer.Option(help="Rate at which two runs of the same scene may be said to differ.")] = 0.01,
+    time: Annotated[float | None, typer.Option(help="Of particles whose file has no time.")] = None,
+    overwrite: Overwrite = False,
+) -> None:
+    """Lay two datasets over each other: differences in standard errors. Exit code 4 if they differ."""
+    with exit_codes():
+        from kinetic_solver.compare import compare as lay_over
+        from kinetic_solver.dataset import attributes, refuse_existing, write_dataset
+        from kinetic_solver.errors import SceneError
+
+        if not 0 < level < 1:
+            raise SceneError(f"--level {level:g}: allowed: between 0 and 1")
+        refuse_picture(output)
+        if output is not None and output.resolve() in (first.resolve(), second.resolve()):
+            raise SceneError(f"-o {output}: is one of the files to compare; name another")
+        if output is not None:
+            refuse_existing(output, overwrite)
+        found = lay_over(first, second, level, time)
+        print("\n".join(found.lines()))
+        if output is not None:
+            dataset = found.dataset()
+            dataset.attrs.update(attributes(found.scene, "comparison"))
+            write_dataset(dataset, output, overwrite)
+            print(f"wrote {output}")
+        if figure:
+            from kinetic_solver.compare.figures import save_comparison
+
+            target = output.with_suffix(".png") if output else Path(f"{first.stem}-{second.stem}.png")
+            save_comparison(found, target)
+            print(f"wrote {target}")
+    if found.differ:
+        raise typer.Exit(DIFFER)

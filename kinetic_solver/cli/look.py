@@ -1,0 +1,66 @@
+"""Look at a run or a scene: plot, describe, info."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from kinetic_solver.cli.app import Overrides, RunPath, ScenePath, exit_codes, load
+
+
+def plot(
+    run: RunPath,
+    output: Annotated[Path | None, typer.Option("-o", "--output", metavar="OUT.png", help="Default: OUT.png.")] = None,
+    times: Annotated[str | None, typer.Option(help="Times of the f(x, v) panels, as 0,1.5,3.")] = None,
+) -> None:
+    """Draw density over (x, t), the velocity distribution, and f(x, v)."""
+    with exit_codes():
+        from kinetic_solver.analysis.plotting import save_overview
+        from kinetic_solver.dataset import open_run
+        from kinetic_solver.errors import SceneError
+
+        try:
+            chosen = [float(part) for part in times.split(",")] if times else None
+        except ValueError:
+            raise SceneError(f"--times {times!r}: expected numbers separated by commas") from None
+        if chosen and not all(math.isfinite(time) for time in chosen):
+            raise SceneError(f"--times {times!r}: expected finite numbers")
+        target = output or run.with_suffix(".png")
+        with open_run(run) as dataset:
+            save_overview(dataset, target, chosen)
+        print(f"wrote {target}")
+
+
+def describe(scene: ScenePath, overrides: Overrides = None) -> None:
+    """Print the equation, its groups, the homogeneous state, and the run that would be made."""
+    with exit_codes():
+        from kinetic_solver.analysis.describe import describe as sections
+        from particles.files import holds_particles
+
+        loaded = load(scene, overrides)
+        of_particles = loaded.initial.file is not None and holds_particles(loaded.initial.file)
+        found = sections(loaded, on_the_grid=not of_particles)
+        if "particles" in loaded.model_fields_set or of_particles:
+            from particles.plan import make_plan
+            from particles.report import rows as rows_of_particles
+
+            found.append(("Run as particles (--method particles)", rows_of_particles(make_plan(loaded))))
+        for title, rows in found:
+            print(f"\n{title}")
+            width = max(len(label) for label, _ in rows)
+            for label, text in rows:
+                print(f"  {label:<{width}}  {text}")
+
+
+def info(run: RunPath) -> None:
+    """Say what a run's file holds, and how well its budgets close."""
+    with exit_codes():
+        from kinetic_solver.analysis.info import summary
+        from kinetic_solver.dataset import open_run
+
+        with open_run(run) as dataset:
+            for line in summary(dataset):
+                print(line)

@@ -1,0 +1,53 @@
+"""Solve a scene."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from kinetic_solver.cli.app import Overrides, Overwrite, ScenePath, exit_codes, load
+
+if TYPE_CHECKING:
+    from kinetic_solver.scene import Scene
+
+
+def run(
+    scene: ScenePath,
+    output: Annotated[Path | None, typer.Option("-o", "--output", metavar="OUT.nc", help="Default: SCENE.nc.")] = None,
+    method: Annotated[str, typer.Option(help="grid, exact (the closed form, where there is one), or particles.")] = "grid",
+    overrides: Overrides = None,
+    overwrite: Overwrite = False,
+    certified: Annotated[bool, typer.Option("--certify", help="Run again refined; add error bars and observed orders.")] = False,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on from where a run of particles was stopped.")] = False,
+    max_walltime: Annotated[
+        float | None, typer.Option(metavar="S", help="Stop particles after S seconds, at a frame, to be resumed; exit code 3.")
+    ] = None,
+) -> None:
+    """Solve a scene and write a netCDF file."""
+    with exit_codes():
+        from kinetic_solver.errors import SceneError
+        from kinetic_solver.methods import METHODS, run_to_file
+
+        loaded = load(scene, overrides)
+        target = output or Path(scene.stem + ".nc")
+        if certified and method != "grid" and method in METHODS:
+            raise SceneError(f"--certify: is for --method grid; {method!r} has no discretisation to refine")
+        done = run_to_file(loaded, target, method, overwrite, resume, max_walltime, progress=True)
+        for line in done.lines:
+            print(line)
+        if certified:
+            _certify(loaded, target)
+        print(f"{target} is complete" if resume else f"wrote {target}")
+
+
+def _certify(scene: Scene, target: Path) -> None:
+    from kinetic_solver.analysis.certification import certify
+    from kinetic_solver.dataset import append, open_run
+
+    with open_run(target) as written:
+        found = certify(scene, written.load(), lambda text: print(text, file=sys.stderr))
+    append(target, found)
+    print(f"certified: {found.attrs['certified']}")

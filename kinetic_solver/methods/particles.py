@@ -1,0 +1,67 @@
+"""Particles into a file, with checkpoints: a run may be stopped and resumed, and its file has the same bits as without."""
+
+from __future__ import annotations
+
+import warnings
+from time import monotonic
+
+from kinetic_solver.dataset import recording
+from kinetic_solver.errors import RunUnfinished
+from kinetic_solver.methods.job import Job
+from particles.checkpoint import Checkpoint, finished
+from particles.plan import ParticlePlan, make_plan
+from particles.records import coordinates, variables
+from particles.report import report
+from particles.simulation import Simulation
+from particles.simulation import run as simulate
+
+OUTSIDE = 1e-3
+"""Share of particles outside the window beyond which a run warns."""
+
+
+def run(job: Job) -> list[str]:
+    """Raises RunUnfinished at the first frame after `job.max_walltime`, its state written beside the file."""
+    began = monotonic()
+    plan = make_plan(job.scene)
+    scene, said, walltime = plan.scene, report(plan), job.max_walltime
+    if job.resume and finished(job.path, scene):
+        return ["it has finished already"]
+    checkpoint = Checkpoint(job.path, scene)
+    state = checkpoint.load() if job.resume and job.path.exists() else None
+    after = None if state is None else float(state["time"])
+    table, more = variables(scene, plan.grid), coordinates(scene, plan.grid)
+    recorder = job.recorder(plan.grid, plan.schedule, table, scene, more, after)
+    if state is None:
+        checkpoint.remove()
+    if "warning" in said:
+        warnings.warn(said["warning"], stacklevel=4)
+
+    def after_frame(simulation: Simulation) -> None:
+        late = walltime is not None and monotonic() - began > walltime and simulation.time < scene.run.end_time
+        if checkpoint.due or late:
+            checkpoint.save(simulation.state())
+        if late:
+            raise RunUnfinished(f"stopped at t = {simulation.time:g} after {walltime:g} s; resume it to go on")
+
+    with recording(recorder):
+        done = simulate(plan, recorder, job.progress, after_frame, state)
+    recorder.close(report=said)
+    checkpoint.remove()
+    if done.outside > OUTSIDE:
+        warnings.warn(
+            f"up to {done.outside:.2g} of the particles are outside the velocity window and missing in f and w(v); "
+            "widen grid.velocity_window",
+            stacklevel=4,
+        )
+    steps = done.number - (int(state["number"]) if state is not None else 0)
+    return _in_words(plan, done, steps, monotonic() - began, said)
+
+
+def _in_words(plan: ParticlePlan, done: Simulation, steps: int, seconds: float, said: dict[str, str]) -> list[str]:
+    particles = plan.scene.particles.count * plan.scene.particles.replicas
+    speed = particles * steps / seconds / 1e6
+    how = f"cells: {said['cells']}" if "cells" in said else f"overtakings: {done.candidates}, {said['overtakings']}"
+    return [
+        f"{particles} particles, {steps} steps, {speed:.3g} million particle-steps a second, start and output included",
+        f"memory of the ensemble {plan.memory / 2**20:.0f} MiB; {done.collisions} collisions; {how}",
+    ]

@@ -1,0 +1,55 @@
+"""How far a run is, told to a person: a bar on a terminal, elsewhere a plain line now and then."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from time import monotonic
+from typing import TypeAlias
+
+Progress: TypeAlias = Callable[[float, float], None]
+"""Called as progress(time, end time), in the scene's unit of time."""
+
+SECONDS_BETWEEN_LINES = 10.0
+"""Seldom enough for the log of a long run."""
+
+
+@contextmanager
+def telling(progress: bool | Progress) -> Iterator[Progress | None]:
+    """What a run calls as it goes: nothing (False), the given callable, or what tells a person on stderr (True)."""
+    if progress is False:
+        yield None
+    elif progress is not True:
+        yield progress
+    elif sys.stderr.isatty():
+        with _bar() as shown:
+            yield shown
+    else:
+        yield _lines()
+
+
+@contextmanager
+def _bar() -> Iterator[Progress]:
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (TextColumn("t = {task.fields[time]:.4g}"), BarColumn(), TextColumn("{task.percentage:.0f} %"))
+    with Progress(*columns, TimeRemainingColumn(), console=Console(stderr=True)) as bar:
+        task = bar.add_task("run", total=1.0, time=0.0)
+        yield lambda time, end: bar.update(task, completed=time / end, time=time)
+
+
+def _lines() -> Progress:
+    """A line at most every `SECONDS_BETWEEN_LINES`, and one at the end."""
+    began = spoken = monotonic()
+
+    def line(time: float, end: float) -> None:
+        nonlocal spoken
+        now = monotonic()
+        if now - spoken >= SECONDS_BETWEEN_LINES or time == end:
+            spoken = now
+            left = (now - began) / time * (end - time)
+            print(f"t = {time:.6g} of {end:g}, {left:.0f} s left", file=sys.stderr)
+
+    return line

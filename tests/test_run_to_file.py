@@ -1,0 +1,249 @@
+"""`run_to_file`: every method into a file, what is refused, what a run that fails or is interrupted leaves, and progress."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+from typer.testing import CliRunner
+
+from kinetic_solver import OutputExistsError, RunUnfinished, Scene, SceneError, SolverStopped, exact, run_to_file, solve
+from kinetic_solver.cli import app
+from kinetic_solver.dataset import VARIABLES, MemoryRecorder, open_netcdf, open_run, recording, refuse_existing, scene_of
+from kinetic_solver.methods import METHODS
+from kinetic_solver.methods import progress as progress_module
+from kinetic_solver.scene import Schedule
+from particles import simulate
+
+MakeScene = Callable[..., Scene]
+SMALL: dict[str, Any] = {
+    "run": {"end_time": 1.5, "output_every": 0.5},
+    "grid": {"nx": 9, "nv": 32},
+    "particles": {"count": 200, "replicas": 2},
+    "accuracy": {"rtol": 1e-2},
+}
+IN_MEMORY: dict[str, Callable[[Scene], xr.Dataset]] = {"grid": solve, "exact": exact.solve, "particles": simulate}
+EVERY_METHOD = pytest.mark.parametrize("method", METHODS)
+
+
+def test_every_method_is_tested() -> None:
+    assert IN_MEMORY.keys() == METHODS.keys()
+
+
+@EVERY_METHOD
+def test_a_file_holds_what_the_method_returns(make_scene: MakeScene, tmp_path: Path, method: str) -> None:
+    scene = make_scene(**SMALL)
+    told: list[tuple[float, float]] = []
+    done = run_to_file(scene, tmp_path / "a.nc", method, progress=lambda time, end: told.append((time, end)))
+    assert done.path == tmp_path / "a.nc"
+    assert told == [(0.5, 1.5), (1.0, 1.5), (1.5, 1.5)]
+    expected = IN_MEMORY[method](scene)
+    with open_run(done.path) as found:
+        assert found.attrs["method"] == method
+        assert scene_of(found) == scene
+        assert set(found.variables) == set(expected.variables)
+        for name in expected.variables:
+            assert np.array_equal(found[name].values, expected[name].values, equal_nan=True), name
+            assert found[name].dims == expected[name].dims
+        assert int(found["status"]) == 1
+
+
+def test_what_is_said_of_a_run(make_scene: MakeScene, tmp_path: Path) -> None:
+    said = {method: run_to_file(make_scene(**SMALL), tmp_path / f"{method}.nc", method).lines for method in METHODS}
+    assert said["grid"][0].startswith("estimated error ")
+    assert said["exact"] == ()
+    assert said["particles"][0].startswith("400 particles, ")
+
+
+# -- refusals: SceneErrors of one line, which leave what is there
+
+
+@EVERY_METHOD
+def test_an_existing_file_is_kept_unless_it_may_be_replaced(make_scene: MakeScene, tmp_path: Path, method: str) -> None:
+    path = tmp_path / "a.nc"
+    path.write_bytes(b"mine")
+    with pytest.raises(OutputExistsError, match=r"a\.nc: exists already; allowed: another name, or to overwrite it$") as caught:
+        run_to_file(make_scene(**SMALL), path, method)
+    assert caught.value.path == path
+    assert path.read_bytes() == b"mine"
+    run_to_file(make_scene(**SMALL), path, method, overwrite=True)
+    with open_run(path) as found:
+        assert found.sizes["time"] == 4
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"method": "guess"}, "method = 'guess': unknown; allowed: 'grid', 'exact', 'particles'"),
+        ({"resume": True}, "resume: method 'grid' keeps no checkpoints, and starts afresh; allowed: with method 'particles'"),
+        ({"method": "exact", "max_walltime": 3}, "max_walltime: method 'exact' keeps no checkpoints, and starts afresh"),
+        ({"method": "particles", "max_walltime": -2.5}, "max_walltime = -2.5: allowed: 0 or more seconds"),
+        ({"method": "particles", "max_walltime": float("nan")}, "max_walltime = nan: allowed: 0 or more seconds"),
+        ({"method": "particles", "resume": True, "overwrite": True}, "resume, overwrite: both are given"),
+    ],
+)
+def test_wrong_arguments(make_scene: MakeScene, tmp_path: Path, arguments: dict[str, Any], message: str) -> None:
+    with pytest.raises(SceneError) as caught:
+        run_to_file(make_scene(**SMALL), tmp_path / "a.nc", **arguments)
+    text = str(caught.value)
+    assert text.startswith(message)
+    assert "\n" not in text
+    assert "--" not in text
+    assert list(tmp_path.iterdir()) == []
+
+
+@EVERY_METHOD
+def test_the_file_that_a_run_starts_from_is_not_written(make_scene: MakeScene, tmp_path: Path, method: str) -> None:
+    path = tmp_path / "start.nc"
+    path.write_bytes(b"mine")
+    scene = make_scene(**{**SMALL, "initial": {"file": str(path), "density": 1.0, "modes": []}})
+    with pytest.raises(SceneError, match="is the file that the run starts from; allowed: another name"):
+        run_to_file(scene, tmp_path / "." / "start.nc", method, overwrite=True)
+    assert path.read_bytes() == b"mine"
+
+
+@EVERY_METHOD
+def test_a_folder_that_does_not_exist(make_scene: MakeScene, tmp_path: Path, method: str) -> None:
+    with pytest.raises(SceneError, match="cannot be created"):
+        run_to_file(make_scene(**SMALL), tmp_path / "none" / "a.nc", method)
+
+
+def test_the_command_line_says_which_flags(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    for arguments in (["init"], ["init"]):
+        done = CliRunner().invoke(app, arguments)
+    assert (done.exit_code, done.stderr) == (
+        2,
+        "error: scene.toml: exists already; use --overwrite to replace it, or give another name\n",
+    )
+    Path("scene.nc").write_bytes(b"mine")
+    done = CliRunner().invoke(app, ["run", "scene.toml"])
+    assert (done.exit_code, done.stderr) == (
+        2,
+        "error: scene.nc: exists already; use --overwrite to replace it, or name another file with -o\n",
+    )
+    for command in (["stability", "--figure"], ["stability", "scene.toml"], ["figure", "2"], ["compare", "a.nc", "b.nc"]):
+        done = CliRunner().invoke(app, [*command, "-o", "a.png"])
+        assert done.exit_code == 2
+        assert done.stderr.startswith("error: -o a.png: is for the dataset; allowed: a name that does not end in .png")
+
+
+# -- runs that do not come to their end
+
+
+@EVERY_METHOD
+@pytest.mark.parametrize(
+    ("error", "reason"),
+    [
+        (KeyboardInterrupt(), "interrupted by KeyboardInterrupt"),
+        (OSError("disk full"), "interrupted by OSError disk full"),
+        (SolverStopped("t = 1: all is NaN; lower it"), "t = 1: all is NaN; lower it"),
+    ],
+)
+def test_the_file_says_why_a_run_stopped(
+    make_scene: MakeScene, tmp_path: Path, method: str, error: BaseException, reason: str
+) -> None:
+    def stop(time: float, end: float) -> None:
+        if time > 0.7:
+            raise error
+
+    with pytest.raises(type(error)):
+        run_to_file(make_scene(**SMALL), tmp_path / "a.nc", method, progress=stop)
+    with open_run(tmp_path / "a.nc") as left:
+        assert int(left["status"]) == 2
+        assert left.attrs["stopped"] == reason
+        assert np.isfinite(left["f"].values).all()
+        assert left["time"].values[-1] < 1.5
+
+
+def test_particles_that_cannot_go_on_keep_their_frames(make_scene: MakeScene, monkeypatch: pytest.MonkeyPatch) -> None:
+    from particles import simulation
+
+    advance = simulation.Simulation.advance_to
+
+    def fails(self: simulation.Simulation, time: float) -> None:
+        if time > 0.7:
+            raise SolverStopped("lost")
+        advance(self, time)
+
+    monkeypatch.setattr(simulation.Simulation, "advance_to", fails)
+    with pytest.raises(SolverStopped) as caught:
+        simulate(make_scene(**SMALL))
+    assert caught.value.dataset["time"].values.tolist() == [0, 0.5]
+    assert caught.value.dataset.attrs["stopped"] == "lost"
+
+
+def test_a_run_that_is_stopped_early_is_resumed(make_scene: MakeScene, tmp_path: Path) -> None:
+    scene, path = make_scene(**SMALL), tmp_path / "a.nc"
+    with pytest.raises(RunUnfinished, match="stopped at t = 0 after 0 s; resume it to go on"):
+        run_to_file(scene, path, "particles", max_walltime=0)
+    with open_run(path) as left:
+        assert left.attrs["stopped"] == "stopped at t = 0 after 0 s; resume it to go on"
+    run_to_file(scene, path, "particles", resume=True)
+    assert run_to_file(scene, path, "particles", resume=True).lines == ("it has finished already",)
+    expected = simulate(scene)
+    with open_run(path) as found:
+        for name in expected.variables:
+            assert np.array_equal(found[name].values, expected[name].values, equal_nan=True), name
+
+
+def test_recording_closes_with_the_reason(make_scene: MakeScene) -> None:
+    scene = make_scene(**SMALL)
+    recorder = MemoryRecorder(exact.points(scene), scene, Schedule.of(scene, VARIABLES), "exact")
+    with pytest.raises(ZeroDivisionError), recording(recorder):
+        raise ZeroDivisionError("by zero")
+    found = recorder.dataset()
+    assert found.attrs["stopped"] == "interrupted by ZeroDivisionError by zero"
+    assert int(found["status"]) == 2
+
+
+# -- progress
+
+
+def test_progress_in_lines(
+    make_scene: MakeScene, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clock = iter([100.0, 103.0, 112.0, 112.5])  # at the start, and at three frames
+    monkeypatch.setattr(progress_module, "monotonic", lambda: next(clock))
+    run_to_file(make_scene(**SMALL), tmp_path / "a.nc", "exact", progress=True)
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert said.err.splitlines() == ["t = 1 of 1.5, 6 s left", "t = 1.5 of 1.5, 0 s left"]
+    run_to_file(make_scene(**SMALL), tmp_path / "b.nc", "exact")
+    assert capsys.readouterr() == ("", "")
+
+
+def test_progress_on_a_terminal(
+    make_scene: MakeScene, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    run_to_file(make_scene(**SMALL), tmp_path / "a.nc", "exact", progress=True)
+    said = capsys.readouterr()
+    assert "t = 1.5" in said.err
+    assert "100 %" in said.err
+
+
+# -- what files and scenes of datasets are read by
+
+
+def test_scenes_of_datasets(make_scene: MakeScene, tmp_path: Path) -> None:
+    scene = make_scene(**SMALL)
+    dataset = exact.solve(scene)
+    assert scene_of(dataset) == scene
+    with pytest.raises(SceneError, match=r"^old\.nc: was not written by kinetic-solver"):
+        scene_of(xr.Dataset(), "old.nc")
+    with pytest.raises(SceneError, match=r"^old\.nc: its scene cannot be read \(.*pipe: is missing"):
+        scene_of(dataset.assign_attrs(scene='{"run": {"end_time": 1.0}}'), "old.nc")
+    with pytest.raises(SceneError, match=r"^dataset: its scene cannot be read"):
+        scene_of(dataset.assign_attrs(scene="{"))
+    (tmp_path / "text.nc").write_text("nonsense")
+    for name in ("text.nc", "none.nc"):
+        with pytest.raises(SceneError, match=r"^start: is not a readable netCDF file$"):
+            open_netcdf(tmp_path / name, "start")
+    refuse_existing(tmp_path / "none.nc")
+    refuse_existing(tmp_path / "text.nc", overwrite=True)
