@@ -24,7 +24,6 @@ class Inelastic:
     Cost: O(nv²) per x. Tests: tests/invariants/test_collisions.py.
     """
 
-    name = "inelastic"
     conserves = ("mass", "momentum")
 
     def __init__(self, velocity: Array, cross_section: float, restitution: float, deposit: str = "linear") -> None:
