@@ -128,7 +128,7 @@ class Rules:
         return self.scene.model.noise == 0 or self.scene.model.friction * self.end < 0.1
 
     def shifted(self) -> bool:
-        """True where velocities are shifted or contracted without noise: only in a frame at rest (frame.py)."""
+        """True where velocities are shifted or contracted without noise: only in a frame at rest (moving_frame.py)."""
         model = self.scene.model
         return model.friction * model.noise == 0 and (model.friction > 0 or model.gravity != 0)
 
