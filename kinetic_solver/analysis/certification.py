@@ -21,9 +21,11 @@ if TYPE_CHECKING:
     import xarray as xr
 
 RATIO = 1.5
-"""Between two refinements."""
+"""Factor on nx, nv and the number of steps from one refinement to the next."""
 FIELDS = ("f", "density", "mean_velocity", "temperature")
+"""Fields that get error bars."""
 DIRECTIONS = ("x", "v", "t")
+"""What is coarsened alone, to see the order of its error."""
 
 
 def certify(scene: Scene, run: xr.Dataset, say: Callable[[str], None] = lambda text: None) -> xr.Dataset:
@@ -46,7 +48,7 @@ def certify(scene: Scene, run: xr.Dataset, say: Callable[[str], None] = lambda t
 
     names = [name for name in FIELDS if name in run]
     if not names:
-        raise SceneError("output: f and moments are both false; allowed with --certify: one of them at least")
+        raise SceneError("output: f and moments are both false; allowed: one of them at least")
     plan = make_plan(scene)
     truth = _solve(_refined(plan, 2), "everything refined twice", say)
     once = _solve(_refined(plan, 1), "everything refined once", say)

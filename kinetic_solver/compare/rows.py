@@ -9,18 +9,20 @@ import numpy as np
 from numpy.linalg import LinAlgError
 
 from kinetic_solver.arrays import Array
-from kinetic_solver.compare.sides import Side, Values
+from kinetic_solver.compare.sides import Side
 from kinetic_solver.compare.statistics import beyond, chi_squared, largest_of
+from kinetic_solver.compare.values import Values
 
 MOST_STATISTICS = 16
-"""In one χ²; and no more than half as many as there are replicas, which estimate their covariance."""
+"""Statistics in one χ². There are never more than half as many as replicas, from which their covariance is estimated."""
 LEAST_COUNT = 50
-"""Particles of a replica at a velocity, below which means over replicas are not Gaussian enough."""
+"""Particles that a replica must have at a velocity: of fewer, means over replicas are not Gaussian enough to be tested."""
 MEAN = math.inf
 """The time of a row that is about the mean over all frames after the first."""
 W = "velocity_distribution"
+"""The variable w(v), (time, v)."""
 WAVE = 4 / math.pi
-"""Largest Fourier amplitude of a function within ±1."""
+"""Largest Fourier amplitude of a function within ±1: that of a square wave."""
 
 
 @dataclasses.dataclass(frozen=True)

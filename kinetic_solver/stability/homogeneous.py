@@ -54,3 +54,13 @@ def _inelastic(restitution: float, collision_number: float) -> tuple[float, floa
     distance = float(f @ np.abs(w[:, None] - w[None, :]) @ f) * dw**2
     # The kink of |v - v'| at 0 costs the plain sum dw²/6 ∫f²; the next correction is O(dw⁴).
     return theta, kurtosis, distance + dw**2 / 6 * float(f @ f) * dw
+
+
+def pressure_slope(restitution: float, collision_number: float) -> float:
+    """d(ρθ_h)/dρ of (12) over σ, to 1e-6: differences of order 4 in ln ρ, on which θ_h depends through R* alone."""
+
+    def pressure(change: float) -> float:
+        return (1 + change) * inelastic_flow(restitution, collision_number * (1 + change)).temperature
+
+    h = 0.01
+    return (8 * (pressure(h) - pressure(-h)) - (pressure(2 * h) - pressure(-2 * h))) / (12 * h)
