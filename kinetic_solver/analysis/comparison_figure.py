@@ -14,6 +14,7 @@ from kinetic_solver.compare.comparison import Comparison
 from kinetic_solver.compare.rows import MEAN, Row
 
 FIRST, SECOND = BLUE, ORANGE
+"""Colours of the two sides."""
 NAMES = {
     "density": "density ρ",
     "mean_velocity": "mean velocity u",
@@ -33,6 +34,7 @@ def save_comparison(found: Comparison, path: str | Path) -> None:
 
 
 def comparison_figure(found: Comparison) -> Figure:
+    """The figure that `save_comparison` writes."""
     shown = [row for row in found.rows if row.field in NAMES]
     worst = min(shown, key=lambda row: (row.p, -row.time))
     rows = [row for row in shown if row.time == worst.time or math.isnan(worst.time)]

@@ -18,9 +18,9 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from kinetic_solver.errors import SceneError
 
 BLUE, ORANGE, GREEN = "#0072B2", "#D55E00", "#009E73"
-"""Of the palette of Okabe and Ito (2008), which colour-blind readers can tell apart."""
+"""Colours of the palette of Okabe and Ito (2008), which colour-blind readers can tell apart."""
 GREY = "0.25"
-"""Of lines and words that only help to read."""
+"""Colour of lines and words that only help to read."""
 
 
 def save(figure: Figure, path: str | Path) -> None:

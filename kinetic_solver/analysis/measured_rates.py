@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 ROUNDING = 1e-15
 """Noise of a density mode of a deterministic run, relative to the mean density, before the flow amplifies it."""
 RELATIVE = 1e-9
-"""Errors of a run's modes that are proportional to the modes themselves: what a fit weighs frames with, where noise is less."""
+"""Error of a run's density modes relative to the modes themselves. It weighs the frames of a fit where noise is less."""
 
 
 @dataclass(frozen=True)

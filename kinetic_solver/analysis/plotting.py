@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 LIGHTEST = 0.85
-"""Shade of the last of a few times."""
+"""Shade of the curve at the last time."""
 
 
 def overview(dataset: xr.Dataset, times: Sequence[float] | None = None) -> Figure:

@@ -65,7 +65,7 @@ class Row:
 
 @dataclasses.dataclass(frozen=True)
 class Both:
-    """Two sides at one time, or over all: what is known of both together."""
+    """What is known of two sides together, at one time or over all."""
 
     a: Side
     b: Side
@@ -111,6 +111,7 @@ class Both:
 
 
 def over_x(name: str, time: float, x: Array, left: Values, right: Values, both: Both) -> Row:
+    """Of a field over x: its points, and the amplitudes of its waves."""
     scale = float(max(np.abs(left.points).max(), np.abs(right.points).max()))
     if name == "mean_velocity":
         scale = max(scale, math.sqrt(both.hottest))
@@ -123,6 +124,7 @@ def over_x(name: str, time: float, x: Array, left: Values, right: Values, both: 
 
 
 def over_v(time: float, v: Array, left: Values, right: Values, both: Both) -> Row:
+    """Of w(v): its points, and the shares of ranges of v that hold about as many particles each."""
     scale, dv = float(max(left.points.max(), right.points.max())), float(v[1] - v[0])
     bound = (both.bound + both.folded + both.of_bins(v)) * scale
     if not (freedom := _freedom(left, right)):
@@ -137,14 +139,14 @@ def over_v(time: float, v: Array, left: Values, right: Values, both: Both) -> Ro
 
 
 def of_all(name: str, time: float, left: Values, right: Values, variance: float, both: Both) -> Row:
-    """Mean or variance of all velocities."""
+    """Of the mean or the variance of all velocities, which is one number."""
     scale = max(abs(float(left.points[0])), math.sqrt(variance)) if name == "velocity_of_all" else variance
     bound = (both.bound + both.folded + (both.of_number(1) if name == "variance_of_all" else 0.0)) * scale
     return _row(name, time, np.zeros(1), left, right, bound, scale, np.ones(1, dtype=bool))
 
 
 def over_phase_space(time: float, x: Array, v: Array, left: Values, right: Values, both: Both) -> Row | None:
-    """None where no cell holds particles enough."""
+    """Of f at its points; None where no cell holds particles enough."""
     scale = float(max(left.points.max(), right.points.max()))
     f, enough = np.maximum(right.points if left.freedom else left.points, 0), np.ones(left.points.size, dtype=bool)
     if _freedom(left, right):

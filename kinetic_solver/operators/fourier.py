@@ -64,11 +64,13 @@ class RealTransform:
         self._inverse: Callable[[], Any] = functools.partial(backward, normalise_idft=False)
 
     def forward(self, f: Array) -> NDArray[np.complex128]:
+        """The spectrum of f, in the buffer."""
         self._real[:] = f
         self._forward()
         return self.spectrum
 
     def inverse(self) -> Array:
+        """What has the buffer's spectrum; a new array."""
         self._inverse()
         # Divided, not multiplied by the rounded 1/nx, whose error would add up: 1e-16 of the mass with every transform.
         return self._real / self._real.shape[0]

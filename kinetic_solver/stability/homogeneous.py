@@ -1,7 +1,7 @@
 """Homogeneous stationary states.
 
 For (6) and without collisions the state is a Gaussian in closed form. For (12) it is not Gaussian and is solved for
-(inelastic.py): up to the velocity scale √σ it depends on ε and the collision number R* alone.
+(stability/inelastic.py): up to the velocity scale √σ it depends on ε and the collision number R* alone.
 """
 
 from __future__ import annotations
@@ -18,6 +18,8 @@ from kinetic_solver.stability.inelastic import inelastic_flow
 
 @dataclass(frozen=True)
 class HomogeneousState:
+    """Of a scene at its mean density, in the scene's units."""
+
     mean_velocity: float
     """u_h."""
     temperature: float

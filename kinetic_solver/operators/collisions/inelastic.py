@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from kinetic_solver.arrays import Array
 
 POINTS = {"linear": 2, "cubic": 4, "quintic": 6}
-"""Of each deposit's stencil: the order of its error in dv."""
+"""Deposit → points of its Lagrange stencil, which is the order of its error in dv."""
 
 
 class Inelastic:

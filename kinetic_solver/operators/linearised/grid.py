@@ -83,6 +83,7 @@ class GridLinearisedStep:
         return float(np.ptp(self._potential(f.sum(axis=1) * self.grid.dv))) * self.cross_section
 
     def lift(self, f: Array) -> Lifted:
+        """f in the gauge that `tolerance` allows. Raises LostAccuracy where f is not finite or has no mass."""
         density = f.sum(axis=1) * self.grid.dv
         mean = float(density.mean())
         if not (np.isfinite(f).all() and mean > 0):
@@ -98,6 +99,7 @@ class GridLinearisedStep:
         return Lifted(self._transform.inverse(), is_global=True)
 
     def propagate(self, lifted: Lifted, h: float) -> Lifted:
+        """After h; in the local gauge it may come back in the global one."""
         # Whatever goes wrong inside shows as a density that is not a positive number, which is looked for.
         with np.errstate(all="ignore"):
             if lifted.is_global:
@@ -111,6 +113,7 @@ class GridLinearisedStep:
             return self.lift(self._transported(f, table.outer))
 
     def lower(self, lifted: Lifted) -> Array:
+        """f itself."""
         if not lifted.is_global:
             return lifted.values
         s, mean, k = self.cross_section, self._mean_density, self.grid.wavenumbers
