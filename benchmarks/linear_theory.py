@@ -23,12 +23,15 @@ from typing import Any
 import numpy as np
 
 from kinetic_solver import Scene, solve
+from kinetic_solver.analysis import stability_examples
+from kinetic_solver.analysis.figure_1 import save_figure_1
 from kinetic_solver.analysis.measured_rates import measured_rates
 from kinetic_solver.scene import FOLLOW_LEADER, INELASTIC
-from kinetic_solver.stability import apparent_critical_density, critical_collision_number, density_gain, figure_1, figures
+from kinetic_solver.stability import apparent_critical_density, critical_collision_number, density_gain, figure_1
 from kinetic_solver.stability.amplification import growth_times
 from kinetic_solver.stability.follow_leader import FollowLeaderFlow
 from kinetic_solver.stability.hermite import lyapunov_structure_factor, matrix_density_gain
+from kinetic_solver.stability.homogeneous import pressure_slope
 from kinetic_solver.stability.inelastic import inelastic_flow
 
 DOCS = Path("docs")
@@ -78,7 +81,7 @@ def moments(checks: Checks) -> None:
     short, long = {}, {}
     for m in (2, 3, 4, 5, 8, 16, 32, 64, 128):
         short[m] = critical_collision_number(math.inf, m)
-        if m <= figures.RESOLVED:
+        if m <= stability_examples.RESOLVED:
             long[m] = critical_collision_number(1.0, m)
     law = {m: 2 / 3 * math.sqrt(2 * (m - 1)) for m in short}
     rows = [
@@ -106,7 +109,7 @@ def slow_mode(checks: Checks) -> None:
     rows = []
     for restitution, number in ((0.5, 1.0), (0.5, 10.0), (0.9, 1.0)):
         s, uncertainty = inelastic_flow(restitution, number).rates(0.02, 1)
-        decay, slope = -float(s[0].real) / 0.02**2, figures.pressure_slope(restitution, number)
+        decay, slope = -float(s[0].real) / 0.02**2, pressure_slope(restitution, number)
         rows.append((f"{restitution:g}", f"{number:g}", f"{decay:.6f}", f"{slope:.6f}", f"{uncertainty[0] / 0.02**2:.0e}"))
         # What is left is of order k².
         checks.near(f"(12), ε = {restitution:g}, R* = {number:g}: −Re s/k² against d(ρθ)/dρ", decay, slope, 5e-4)
@@ -202,7 +205,7 @@ def structure_of_inelastic(checks: Checks) -> None:
         flow = inelastic_flow(restitution, number)
         checks.near(f"(12), ε = {restitution:g}, R* = {number:g}: θ_h/σ", flow.temperature, temperature, 2e-6)
         values = [flow.structure_factor(k) for k in (0.01, 0.25, 1.0, 4.0)]
-        limit = 1 / figures.pressure_slope(restitution, number)
+        limit = 1 / pressure_slope(restitution, number)
         checks.near(f"(12), ε = {restitution:g}, R* = {number:g}: S(0.01) against σ/(d(ρθ)/dρ)", values[0], limit, 1e-4)
         rows.append(
             (f"{restitution:g}", f"{number:g}", f"{flow.temperature:.6f}", f"{limit:.5f}", *(f"{value:.5f}" for value in values))
@@ -303,10 +306,10 @@ def main() -> int:
     print("\n### Checks\n")
     print("\n".join(checks.lines))
     DOCS.mkdir(exist_ok=True)
-    figures.save_figure_1(figure_1(), DOCS / "figure_1.png")
-    figures.save_moments(DOCS / "moments.png")
-    figures.save_structure_factors(DOCS / "structure_factor.png")
-    figures.save_growth(DOCS / "growth.png")
+    save_figure_1(figure_1(), DOCS / "figure_1.png")
+    stability_examples.save_moments(DOCS / "moments.png")
+    stability_examples.save_structure_factors(DOCS / "structure_factor.png")
+    stability_examples.save_growth(DOCS / "growth.png")
     print(f"\nwrote {DOCS}/figure_1.png, moments.png, structure_factor.png, growth.png; {time.perf_counter() - began:.0f} s")
     if checks.failed:
         print(f"{checks.failed} checks failed")

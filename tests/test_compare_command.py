@@ -106,7 +106,7 @@ def test_a_time_for_particles_that_have_none(folder: Path) -> None:
     assert "raw.nc: particles that others made, 1000 particles in each of 8 replicas" in done.stdout
     assert {line.split()[1] for line in done.stdout.splitlines() if line.startswith(("density", "temperature"))} == {"0"}
     done = cli("compare", RAW, RIGHT, folder=folder)
-    assert "raw.nc has no time: taken as the other's last, t = 0.5; --time says another" in done.stdout
+    assert "raw.nc has no time: taken as the other's last, t = 0.5; another time can be given" in done.stdout
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,10 @@ import pytest
 from matplotlib.figure import Figure
 
 from kinetic_solver import Scene, SceneError
-from kinetic_solver.stability import critical_density, density_gain, figure_1, figures, growth_rates, structure_factor
+from kinetic_solver.analysis.figure_1 import save_figure_1
+from kinetic_solver.analysis.stability_examples import save_growth, save_moments, save_structure_factors
+from kinetic_solver.analysis.stability_figure import save_scene_figure
+from kinetic_solver.stability import critical_density, density_gain, figure_1, growth_rates, structure_factor
 
 MakeScene, Draw = Callable[..., Scene], Callable[..., Figure]
 LEADER = {"operator": "follow-the-leader", "cross_section": 2.3}
@@ -23,11 +26,11 @@ INELASTIC = {"operator": "inelastic", "cross_section": 3.1, "restitution": 0.6}
 def draw(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[..., Figure]:
     """draw(save, …): the figure that a save function wrote; the file is a PNG with more than empty axes in it."""
     written: list[Figure] = []
-    write = figures._write
+    write = Figure.savefig
 
-    def record(figure: Figure, path: Path) -> None:
+    def record(figure: Figure, *arguments: Any, **options: Any) -> None:
         written.append(figure)
-        write(figure, path)
+        write(figure, *arguments, **options)
 
     def draw(save: Callable[..., None], *arguments: Any) -> Figure:
         path = tmp_path / "picture.png"
@@ -36,7 +39,7 @@ def draw(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[..., Figur
         assert path.stat().st_size > 20_000
         return written[-1]
 
-    monkeypatch.setattr(figures, "_write", record)
+    monkeypatch.setattr(Figure, "savefig", record)
     return draw
 
 
@@ -49,7 +52,7 @@ def dots(axes: Any, n: int = 0) -> np.ndarray:
 def test_a_scene(make_scene: MakeScene, table: dict[str, Any] | None, draw: Draw) -> None:
     """The dots are the pipe's modes 1 to 8, in units of γ and of the scene's density."""
     scene = make_scene(collisions=table, particles={"count": 2_000}, pipe={"length": 31.0})
-    rates, critical, noise = draw(figures.save_scene_figure, scene).axes
+    rates, critical, noise = draw(save_scene_figure, scene).axes
     theory = growth_rates(scene)
     assert dots(rates) == pytest.approx(theory["closure_growth_rate"].values / 0.7, rel=1e-9)
     assert dots(rates, 1) == pytest.approx(theory["kinetic_growth_rate"].values / 0.7, rel=1e-9)
@@ -66,17 +69,15 @@ def test_a_scene(make_scene: MakeScene, table: dict[str, Any] | None, draw: Draw
 
 def test_noise_beyond_linear_theory_is_shown_as_such(make_scene: MakeScene, draw: Draw) -> None:
     """S > N gets a line where S = N; S beyond the largest number is said to be so."""
-    noise = draw(
-        figures.save_scene_figure, make_scene(collisions=LEADER | {"cross_section": 4.5}, particles={"count": 2_000})
-    ).axes[2]
+    noise = draw(save_scene_figure, make_scene(collisions=LEADER | {"cross_section": 4.5}, particles={"count": 2_000})).axes[2]
     assert "S = N, where linear theory ends" in noise.get_legend_handles_labels()[1]
-    noise = draw(figures.save_scene_figure, make_scene(collisions=LEADER | {"cross_section": 70.0})).axes[2]
+    noise = draw(save_scene_figure, make_scene(collisions=LEADER | {"cross_section": 70.0})).axes[2]
     assert [text.get_text() for text in noise.texts] == ["S(k) > $10^{308}$ where not drawn"]
 
 
 def test_the_papers_figure(draw: Draw) -> None:
     """ρ_c falls towards 12000; the right axis is R*_c, 7√3/9 there; L* and S's units are in the picture."""
-    figure = draw(figures.save_figure_1, figure_1(length=13.0, modes=range(1, 21)))
+    figure = draw(save_figure_1, figure_1(length=13.0, modes=range(1, 21)))
     (axes,) = figure.axes
     drawn = dots(axes)
     assert (np.diff(drawn) < 0).all()
@@ -89,7 +90,7 @@ def test_the_papers_figure(draw: Draw) -> None:
 
 def test_moments(draw: Draw) -> None:
     """Every closure has a critical density, which grows with M at k* = 1 and for k* → ∞, there above (2/3)√(2(M - 1))."""
-    long, short, law = (np.asarray(line.get_ydata()) for line in draw(figures.save_moments).axes[0].get_lines()[:3])
+    long, short, law = (np.asarray(line.get_ydata()) for line in draw(save_moments).axes[0].get_lines()[:3])
     assert (np.diff(long) > 0).all()
     assert (np.diff(short) > 0).all()
     assert (long[1:] > short[1 : long.size]).all()
@@ -98,7 +99,7 @@ def test_moments(draw: Draw) -> None:
 
 def test_structure_factors(draw: Draw) -> None:
     """Towards long waves the curves join the marks of their limits; noise is above that of the ideal gas."""
-    for axes in draw(figures.save_structure_factors).axes:
+    for axes in draw(save_structure_factors).axes:
         lines = axes.get_lines()[:-1]
         for curve, mark in zip(lines[::2], lines[1::2], strict=True):
             values = np.asarray(curve.get_ydata())
@@ -109,7 +110,7 @@ def test_structure_factors(draw: Draw) -> None:
 
 def test_growth(make_scene: MakeScene, draw: Draw) -> None:
     """Above R* ≈ 2 a wave first grows, and then decays as exp(-k*²γt); in the scene's units as in the picture's."""
-    lines = {line.get_label(): line for line in draw(figures.save_growth).axes[0].get_lines()}
+    lines = {line.get_label(): line for line in draw(save_growth).axes[0].get_lines()}
     t, gain = (np.asarray(part) for part in lines["R* = 4"].get_data())
     assert gain.max() > 60
     assert np.diff(np.log(gain))[-1] == pytest.approx(-(t[1] - t[0]), rel=1e-2)
@@ -122,7 +123,7 @@ def test_growth(make_scene: MakeScene, draw: Draw) -> None:
 
 def test_what_cannot_be_drawn_or_written_is_refused(make_scene: MakeScene, tmp_path: Path) -> None:
     with pytest.raises(SceneError, match=r"model\.noise = 0"):
-        figures.save_scene_figure(make_scene(model={"noise": 0.0}), tmp_path / "scene.png")
+        save_scene_figure(make_scene(model={"noise": 0.0}), tmp_path / "scene.png")
     for path in (tmp_path / "no folder" / "a.png", tmp_path / "a.unknown"):
         with pytest.raises(SceneError, match="cannot be written"):
-            figures.save_scene_figure(make_scene(), path)
+            save_scene_figure(make_scene(), path)

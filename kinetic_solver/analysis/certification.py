@@ -21,9 +21,11 @@ if TYPE_CHECKING:
     import xarray as xr
 
 RATIO = 1.5
-"""Between two refinements."""
+"""Factor on nx, nv and the number of steps from one refinement to the next."""
 FIELDS = ("f", "density", "mean_velocity", "temperature")
+"""Fields that get error bars."""
 DIRECTIONS = ("x", "v", "t")
+"""What is coarsened alone, to see the order of its error."""
 
 
 def certify(scene: Scene, run: xr.Dataset, say: Callable[[str], None] = lambda text: None) -> xr.Dataset:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -11,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kinetic_solver.arrays import Array
+from kinetic_solver.dataset import scene_of
 from kinetic_solver.errors import SceneError
 from kinetic_solver.scene import Scene
 from kinetic_solver.stability import closure_rates, growth_rates, kinetic_rates, structure_factor
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 ROUNDING = 1e-15
 """Noise of a density mode of a deterministic run, relative to the mean density, before the flow amplifies it."""
 RELATIVE = 1e-9
-"""Errors of a run's modes that are proportional to the modes themselves: what a fit weighs frames with, where noise is less."""
+"""Error of a run's density modes relative to the modes themselves. It weighs the frames of a fit where noise is less."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ def measured_rates(dataset: xr.Dataset, modes: int | Iterable[int] | None = None
     frames, or is beyond the grid. Test: tests/linear_theory/test_measured_rates.py.
     Raises SceneError where the dataset lacks the density or has one point in x.
     """
-    scene = _scene(dataset)
+    scene = scene_of(dataset)
     if "density" not in dataset or dataset.sizes["x"] < 3:
         raise SceneError("the dataset has no density over x to measure growth rates from; set output.moments = true, nx > 2")
     highest = (dataset.sizes["x"] - 1) // 2
@@ -93,13 +93,6 @@ def measured_lines(measured: xr.Dataset) -> list[str]:
             f"  {row['closure_growth_rate']:>14.6g}  {difference:>14.1e}  t = {row['first_time']:.4g} to {row['last_time']:.4g}"
         )
     return lines
-
-
-def _scene(dataset: xr.Dataset) -> Scene:
-    if "scene" not in dataset.attrs:
-        raise SceneError("the dataset has no scene; measured growth rates are laid beside a scene's theory")
-    data = json.loads(dataset.attrs["scene"])
-    return Scene.model_validate(data)
 
 
 def mode_amplitudes(dataset: xr.Dataset) -> Complex:

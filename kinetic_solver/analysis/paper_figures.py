@@ -14,8 +14,9 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
+from kinetic_solver.analysis.drawing import BLUE, ORANGE, save
 from kinetic_solver.arrays import Array
-from kinetic_solver.dataset import attributes
+from kinetic_solver.dataset import attributes, scene_of
 from kinetic_solver.errors import SceneError
 from kinetic_solver.scene import INELASTIC, Scene
 from kinetic_solver.solver import solve
@@ -23,14 +24,23 @@ from kinetic_solver.stability import structure_factor
 from kinetic_solver.stability.homogeneous import homogeneous_state
 
 TIMES = (0.0, 3.0, 500.0)
+"""The paper's times, taken in units of 1/γ."""
 COLLISION_NUMBERS = {2: 0.5, 3: 4.0}
+"""Figure → R*."""
 LENGTH = 8 * math.pi
+"""L* = Lγ/√σ."""
 COUNT = 10_000
+"""Particles, where no other number is asked for."""
 RESTITUTION = 0.5
+"""ε, with operator (12)."""
 BINS = 50
+"""Bins of the density's histogram."""
 LEAST_COUNT = 2 * BINS
+"""The fewest particles of which a histogram says anything: two to a bin."""
 FIT_STEPS = 500
-PARTICLES, EQUATION, GAUSSIAN, TWO = "0.45", "#0072B2", "#000000", "#D55E00"
+"""Iterations of the fit of two Gaussians."""
+PARTICLES, EQUATION, GAUSSIAN, TWO = "0.45", BLUE, "#000000", ORANGE
+"""Colours."""
 
 
 def figure_scene(figure: int, operator: str = "follow-the-leader", count: int = COUNT, seed: int = 1) -> Scene:
@@ -160,7 +170,7 @@ def expected_contrast(scene: Scene, bins: int = BINS, count: int | None = None) 
 
 def summary(dataset: xr.Dataset) -> list[str]:
     """Each snapshot in one line, and what linear theory expects of its density."""
-    scene = Scene.model_validate_json(dataset.attrs["scene"])
+    scene = scene_of(dataset)
     state = homogeneous_state(scene)
     assert state is not None
     lines = [f"{'time':>6}{'ρ contrast':>12}{'ρ max/mean':>12}{'mean v':>9}{'variance':>10}{'skewness':>10}{'a2':>8}"]
@@ -200,14 +210,11 @@ def summary(dataset: xr.Dataset) -> list[str]:
 
 def save_snapshots(dataset: xr.Dataset, path: str | Path) -> None:
     """Density and w(v) at the three times. Raises SceneError where the file cannot be written."""
-    try:
-        _figure(dataset).savefig(path, dpi=150)
-    except (OSError, ValueError) as error:
-        raise SceneError(f"{path}: cannot be written ({error})") from None
+    save(_figure(dataset), path)
 
 
 def _figure(dataset: xr.Dataset) -> Figure:
-    scene = Scene.model_validate_json(dataset.attrs["scene"])
+    scene = scene_of(dataset)
     figure = Figure(figsize=(12, 6.6), layout="constrained")
     axes = figure.subplots(2, dataset.sizes["time"], sharey="row", sharex="row", squeeze=False)
     width = scene.pipe.length / dataset.sizes["bin"]

@@ -1,4 +1,4 @@
-"""Pictures of a run. Imported only when asked for; draws on its own canvas, so no display is needed."""
+"""Pictures of a run."""
 
 from __future__ import annotations
 
@@ -9,13 +9,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from kinetic_solver.analysis.drawing import save, shades
 from kinetic_solver.arrays import Array
+from kinetic_solver.dataset import scene_of
 from kinetic_solver.errors import SceneError
 from kinetic_solver.scene import INELASTIC, Scene
 from kinetic_solver.stability.homogeneous import homogeneous_state
 
 if TYPE_CHECKING:
     import xarray as xr
+
+LIGHTEST = 0.85
+"""Shade of the curve at the last time."""
 
 
 def overview(dataset: xr.Dataset, times: Sequence[float] | None = None) -> Figure:
@@ -39,21 +44,13 @@ def overview(dataset: xr.Dataset, times: Sequence[float] | None = None) -> Figur
     _velocity_distribution(right, dataset, shown)
     if with_f:
         _phase_space(bottom[0], dataset, times)
-    figure.suptitle(_title(_scene(dataset)), fontsize=12)
+    figure.suptitle(_title(scene_of(dataset)), fontsize=12)
     return figure
 
 
 def save_overview(dataset: xr.Dataset, path: str | Path, times: Sequence[float] | None = None) -> None:
     """Draw `overview` into a file; its ending gives the format."""
-    figure = overview(dataset, times)
-    try:
-        figure.savefig(path, dpi=150)
-    except (OSError, ValueError) as error:
-        raise SceneError(f"{path}: cannot be written ({error})") from None
-
-
-def _scene(dataset: xr.Dataset) -> Scene:
-    return Scene.model_validate_json(dataset.attrs["scene"])
+    save(overview(dataset, times), path)
 
 
 def _title(scene: Scene) -> str:
@@ -92,7 +89,7 @@ def _times(dataset: xr.Dataset, name: str) -> Array:
 
 
 def _period(dataset: xr.Dataset) -> float:
-    return _scene(dataset).pipe.length
+    return scene_of(dataset).pipe.length
 
 
 def _fine_x(values: Array, length: float, axis: int) -> tuple[Array, Array]:
@@ -116,12 +113,6 @@ def _fine_v(v: Array, values: Array, axis: int) -> tuple[Array, Array]:
     return fine, make_interp_spline(v, values, k=3, axis=axis)(fine)
 
 
-def _colours(count: int) -> Any:
-    from matplotlib import colormaps
-
-    return colormaps["viridis"](np.linspace(0.0, 0.85, count))
-
-
 def _legend_below(axes: Any, columns: int) -> None:
     """Under the axes, where it covers no curve."""
     axes.legend(frameon=False, fontsize=9, loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=min(columns, 3))
@@ -135,14 +126,14 @@ def _density_map(axes: Any, dataset: xr.Dataset) -> None:
         axes.figure.colorbar(mesh, ax=axes, label="density ρ", pad=0.01)
         axes.set(xlabel="x", ylabel="time t", title="density ρ(x, t)", xlim=(0, x[-1]))
         return
-    for colour, time, row in zip(_colours(t.size), t, rho, strict=True):
+    for colour, time, row in zip(shades(t.size, LIGHTEST), t, rho, strict=True):
         axes.plot(x, row, color=colour, lw=2, label=f"t = {time:.3g}")
     axes.set(xlabel="x", ylabel="density ρ", title="density ρ(x)", xlim=(0, x[-1]))
     _legend_below(axes, t.size)
 
 
 def _temperature_history(axes: Any, dataset: xr.Dataset) -> None:
-    scene, t = _scene(dataset), _times(dataset, "temperature")
+    scene, t = scene_of(dataset), _times(dataset, "temperature")
     theta = dataset["temperature"].values[: t.size, 0]
     axes.plot(t, theta, color="C0", lw=2, label="θ(t)")
     state = homogeneous_state(scene)
@@ -165,7 +156,7 @@ def _velocity_distribution(axes: Any, dataset: xr.Dataset, shown: list[int]) -> 
     w = dataset["velocity_distribution"].values
     dv = v[1] - v[0]
     top = float(w[shown].max())
-    for colour, n in zip(_colours(len(shown)), shown, strict=True):
+    for colour, n in zip(shades(len(shown), LIGHTEST), shown, strict=True):
         mass = w[n].sum() * dv
         mean = (v * w[n]).sum() * dv / mass
         variance = ((v - mean) ** 2 * w[n]).sum() * dv / mass

@@ -40,7 +40,7 @@ def compare(
             write_dataset(dataset, output, overwrite)
             print(f"wrote {output}")
         if figure:
-            from kinetic_solver.compare.figures import save_comparison
+            from kinetic_solver.analysis.comparison_figure import save_comparison
 
             target = output.with_suffix(".png") if output else Path(f"{first.stem}-{second.stem}.png")
             save_comparison(found, target)

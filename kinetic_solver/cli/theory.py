@@ -39,7 +39,7 @@ def stability(
         loaded = _scene_of_run(run) if run is not None else load(scene, overrides)
         _stability(loaded, run, output, overwrite)
         if figure:
-            from kinetic_solver.stability.figures import save_scene_figure
+            from kinetic_solver.analysis.stability_figure import save_scene_figure
 
             target = output.with_suffix(".png") if output else Path(f"{scene.stem}-stability.png")
             save_scene_figure(loaded, target)
@@ -78,9 +78,9 @@ def _stability(scene: Scene, run: Path | None, output: Path | None, overwrite: b
 
 
 def _figure_1(target: Path, overwrite: bool) -> None:
+    from kinetic_solver.analysis.figure_1 import save_figure_1
     from kinetic_solver.dataset import write_dataset
     from kinetic_solver.stability import figure_1
-    from kinetic_solver.stability.figures import save_figure_1
 
     dataset = figure_1()
     write_dataset(dataset, target, overwrite)

@@ -9,18 +9,20 @@ import numpy as np
 from numpy.linalg import LinAlgError
 
 from kinetic_solver.arrays import Array
-from kinetic_solver.compare.sides import Side, Values
+from kinetic_solver.compare.sides import Side
 from kinetic_solver.compare.statistics import beyond, chi_squared, largest_of
+from kinetic_solver.compare.values import Values
 
 MOST_STATISTICS = 16
-"""In one χ²; and no more than half as many as there are replicas, which estimate their covariance."""
+"""Statistics in one χ². There are never more than half as many as replicas, from which their covariance is estimated."""
 LEAST_COUNT = 50
-"""Particles of a replica at a velocity, below which means over replicas are not Gaussian enough."""
+"""Particles that a replica must have at a velocity: of fewer, means over replicas are not Gaussian enough to be tested."""
 MEAN = math.inf
 """The time of a row that is about the mean over all frames after the first."""
 W = "velocity_distribution"
+"""The variable w(v), (time, v)."""
 WAVE = 4 / math.pi
-"""Largest Fourier amplitude of a function within ±1."""
+"""Largest Fourier amplitude of a function within ±1: that of a square wave."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -63,7 +65,7 @@ class Row:
 
 @dataclasses.dataclass(frozen=True)
 class Both:
-    """Two sides at one time, or over all: what is known of both together."""
+    """What is known of two sides together, at one time or over all."""
 
     a: Side
     b: Side
@@ -109,6 +111,7 @@ class Both:
 
 
 def over_x(name: str, time: float, x: Array, left: Values, right: Values, both: Both) -> Row:
+    """Of a field over x: its points, and the amplitudes of its waves."""
     scale = float(max(np.abs(left.points).max(), np.abs(right.points).max()))
     if name == "mean_velocity":
         scale = max(scale, math.sqrt(both.hottest))
@@ -121,6 +124,7 @@ def over_x(name: str, time: float, x: Array, left: Values, right: Values, both: 
 
 
 def over_v(time: float, v: Array, left: Values, right: Values, both: Both) -> Row:
+    """Of w(v): its points, and the shares of ranges of v that hold about as many particles each."""
     scale, dv = float(max(left.points.max(), right.points.max())), float(v[1] - v[0])
     bound = (both.bound + both.folded + both.of_bins(v)) * scale
     if not (freedom := _freedom(left, right)):
@@ -135,14 +139,14 @@ def over_v(time: float, v: Array, left: Values, right: Values, both: Both) -> Ro
 
 
 def of_all(name: str, time: float, left: Values, right: Values, variance: float, both: Both) -> Row:
-    """Mean or variance of all velocities."""
+    """Of the mean or the variance of all velocities, which is one number."""
     scale = max(abs(float(left.points[0])), math.sqrt(variance)) if name == "velocity_of_all" else variance
     bound = (both.bound + both.folded + (both.of_number(1) if name == "variance_of_all" else 0.0)) * scale
     return _row(name, time, np.zeros(1), left, right, bound, scale, np.ones(1, dtype=bool))
 
 
 def over_phase_space(time: float, x: Array, v: Array, left: Values, right: Values, both: Both) -> Row | None:
-    """None where no cell holds particles enough."""
+    """Of f at its points; None where no cell holds particles enough."""
     scale = float(max(left.points.max(), right.points.max()))
     f, enough = np.maximum(right.points if left.freedom else left.points, 0), np.ones(left.points.size, dtype=bool)
     if _freedom(left, right):

@@ -1,5 +1,6 @@
-"""What is known beforehand of a dataset's errors other than chance: grid, step, cells, number of particles. Relative to the
-largest density, temperature and f, and for mean velocities to the larger of |u| and √θ.
+"""What is known beforehand of a dataset's errors other than chance: grid, step, cells, number of particles.
+
+Errors are relative to the largest density, temperature and f, and for mean velocities to the larger of |u| and √θ.
 """
 
 from __future__ import annotations
@@ -14,16 +15,18 @@ from kinetic_solver.scene import Scene
 from kinetic_solver.stability import structure_factor
 
 EXACT = 1e-9
+"""Relative error of the closed form: its own is below 1e-13 of max f (exact/solution.py); the rest is room for u and θ, ratios of
+its moments."""
 HIGHEST = 1000
-"""Wave of which S is computed for `contact_excess`."""
+"""The shortest wave for which `contact_excess` computes S(k); beyond it S - 1 is extrapolated."""
 STEP, CELLS = 0.1, 0.025
-"""Of particles: relative error for a step as long as the shortest time, and for a cell as wide as the shortest length; both
+"""Relative error of particles for a step as long as the shortest time, and for a cell as wide as the shortest length; both
 errors are of second order. About twice the largest measured for (6) at R* = 0.3 and 1 and for (12) at ε = 0 and 0.5
 (docs/particles.md, "Convergence"; `benchmarks.particles_validation` asserts it)."""
 
 
 def systematic_parts(dataset: xr.Dataset, scene: Scene) -> dict[str, float]:
-    """Name → bound. What is not known is not in it."""
+    """Name of a source of error → bound on it. What is not known is left out."""
     method = dataset.attrs.get("method")
     if method == "exact":
         return {"closed form": EXACT}

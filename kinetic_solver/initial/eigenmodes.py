@@ -13,7 +13,8 @@ from kinetic_solver.scene import Scene
 from kinetic_solver.stability.units import Complex
 
 SHORTEST_EIGENMODE = 12.0
-"""k√θ_h/γ. An eigenfunction of operator (6) is up to exp(k²σ/2γ²) times its own density: no f can hold one long before this."""
+"""The largest k√θ_h/γ of a wave that a run may start from. An eigenfunction of operator (6) is up to exp(k²σ/2γ²) times its own
+density, 2e31 here: with f ≥ 0 its density is lost in rounding errors at waves much longer than that."""
 
 
 def eigenmode_state(scene: Scene, x: Array, v: Array, mean_velocity: float) -> Array:

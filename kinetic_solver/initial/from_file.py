@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kinetic_solver.arrays import Array
+from kinetic_solver.dataset import open_netcdf
 from kinetic_solver.errors import SceneError
 from kinetic_solver.scene import Scene
 
@@ -52,20 +53,16 @@ def file_grid(scene: Scene) -> tuple[int, int, float, float]:
 
 @contextmanager
 def _opened(scene: Scene) -> Iterator[xr.Dataset]:
-    import xarray as xr
-
+    """`initial.file`, which holds an f of the scene's period."""
     path = scene.initial.file
     assert path is not None
-    try:
-        data = xr.open_dataset(path)
-    except (OSError, ValueError):
-        raise SceneError(f"initial.file = {path!r}: is not a readable netCDF file") from None
-    with data:
+    where = f"initial.file = {path!r}"
+    with open_netcdf(path, where) as data:
         if "f" not in data or data["f"].dims != ("time", "x", "v"):
-            raise SceneError(f"initial.file = {path!r}: has no f(time, x, v); the grid method starts from nothing else")
+            raise SceneError(f"{where}: has no f(time, x, v); the grid method starts from nothing else")
         if "x_bounds" in data:
             bounds = data["x_bounds"].values
             period = bounds[-1, 1] - bounds[0, 0]
             if not np.isclose(period, scene.pipe.length, rtol=1e-9):
-                raise SceneError(f"initial.file = {path!r}: its period is {period:.10g}, the scene's {scene.pipe.length:.10g}")
+                raise SceneError(f"{where}: its period is {period:.10g}, the scene's {scene.pipe.length:.10g}")
         yield data

@@ -36,6 +36,17 @@ def integral_spectrum(field: Array, k: Array) -> NDArray[np.complex128]:
     return spectrum
 
 
+def relative_amplitudes(f: Array, axis: int = 0) -> Array:
+    """The largest amplitude of each wave along `axis`, whatever the other indices, over the largest of all waves' amplitudes.
+
+    f has any rank and is periodic along `axis`, with n points; shape (n//2 + 1,). This says how well the points resolve f: what a
+    smooth f has in its shortest waves is the error of having no shorter ones. Test: tests/invariants/test_fourier.py.
+    """
+    others = tuple(i for i in range(f.ndim) if i != axis % f.ndim)
+    amplitude = np.abs(np.fft.rfft(f, axis=axis)).max(axis=others)
+    return np.asarray(amplitude / amplitude.max())
+
+
 class RealTransform:
     """Forward and inverse transform along axis 0 of arrays of shape (nx, columns), with buffers of its own.
 
@@ -53,11 +64,13 @@ class RealTransform:
         self._inverse: Callable[[], Any] = functools.partial(backward, normalise_idft=False)
 
     def forward(self, f: Array) -> NDArray[np.complex128]:
+        """The spectrum of f, in the buffer."""
         self._real[:] = f
         self._forward()
         return self.spectrum
 
     def inverse(self) -> Array:
+        """What has the buffer's spectrum; a new array."""
         self._inverse()
         # Divided, not multiplied by the rounded 1/nx, whose error would add up: 1e-16 of the mass with every transform.
         return self._real / self._real.shape[0]

@@ -6,15 +6,15 @@ such splittings exact): in Fourier space along x, with τ = tanh(γh/2)/γ,
     transport by τ · Ornstein-Uhlenbeck kernel over h · transport by τ · shift by (g/γ)(h - 2τ) · exp(-k²(σ/γ)(h - 2τ)).
 
 For γ → 0 this is the usual half transport, acceleration, half transport. A function that grows along the pipe as exp(Rx) times
-a periodic one, as the linearised equation of operator (6) needs (linearised/), takes the same step with k - iR for k. With the
-exact kernel the step is exact in time and spectrally accurate in x and v whatever its length; with the finite volumes it is as
-accurate as they are.
+a periodic one, as the linearised equation of operator (6) needs (operators/linearised/), takes the same step with k - iR for k.
+With the exact kernel the step is exact in time and spectrally accurate in x and v whatever its length; with the finite volumes
+it is as accurate as they are.
 Test: tests/convergence/test_linear.py.
 """
 
 from __future__ import annotations
 
-from collections import OrderedDict
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,11 +22,25 @@ from numpy.typing import NDArray
 from kinetic_solver.arrays import Array
 from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.operators.fourier import RealTransform
+from kinetic_solver.operators.tables import Tables
 from kinetic_solver.operators.transport import shift_phases
 from kinetic_solver.operators.velocity import DriftDiffusion, HermiteBasis
 from kinetic_solver.operators.velocity.hermite import propagators
 from kinetic_solver.scene import Model
 from kinetic_solver.theory.ornstein_uhlenbeck import excess_displacement, half_transport_time
+
+TABLES = 12
+"""Step lengths whose tables are kept. An extrapolated step uses four, those of 1, 2, 3 and 4 substeps: room for three steps."""
+
+
+@dataclass(frozen=True)
+class _LinearTable:
+    kernel_t: Array
+    """K transposed, (nv, nv)."""
+    before: NDArray[np.complex128]
+    """Phases of the transport before the kernel, (nx//2 + 1, nv)."""
+    after: NDArray[np.complex128]
+    """Those after it, with the uniform shift and the factor exp(-k²(σ/γ)(h - 2τ))."""
 
 
 class LinearStep:
@@ -36,76 +50,64 @@ class LinearStep:
     factor: that step conserves nothing.
     """
 
-    name = "linear"
-    _TABLES = 12
-
     def __init__(self, grid: PhaseSpaceGrid, model: Model, drift_diffusion: DriftDiffusion, growth: float = 0.0) -> None:
         self.grid = grid
         self.model = model
         self.drift_diffusion = drift_diffusion
         self.growth = growth
         self._transform = RealTransform(grid.nx, grid.nv) if grid.nx > 1 or growth else None
-        self._tables: OrderedDict[float, tuple[Array, NDArray[np.complex128], NDArray[np.complex128]]] = OrderedDict()
+        self._tables = Tables[_LinearTable](TABLES)
 
-    def _table(self, h: float) -> tuple[Array, NDArray[np.complex128], NDArray[np.complex128]]:
-        """(K transposed, phases before, phases after)."""
-        if h not in self._tables:
-            g, gamma, sigma = self.model.gravity, self.model.friction, self.model.noise
-            tau = half_transport_time(gamma, h)
-            excess = excess_displacement(gamma, h)  # h - 2τ, which is O(γ²h³): the limits below exist at γ = 0
-            kernel_t = np.ascontiguousarray(self.drift_diffusion.matrix(h).T)
-            before = shift_phases(self.grid, tau * self.grid.v)
-            if self.growth:
-                # exp(R(x - τv)), about the middle of the window: the constant does not matter
-                before *= np.exp(-self.growth * tau * (self.grid.v - (self.grid.low + self.grid.high) / 2))
-            after = before
-            if gamma > 0:
-                # -(k - iR)² = -k² + 2ikR + a constant: growth moves the diffusing waves
-                moved = (g - 2 * self.growth * sigma) / gamma * excess
-                uniform = shift_phases(self.grid, np.array([moved]))
-                diffusion = np.exp(-(self.grid.wavenumbers**2) * sigma / gamma * excess)
-                after = before * uniform * diffusion[:, None]
-            self._tables[h] = (kernel_t, before, after)
-            if len(self._tables) > self._TABLES:
-                self._tables.popitem(last=False)
-        self._tables.move_to_end(h)
-        return self._tables[h]
+    def _table(self, h: float) -> _LinearTable:
+        g, gamma, sigma = self.model.gravity, self.model.friction, self.model.noise
+        tau = half_transport_time(gamma, h)
+        excess = excess_displacement(gamma, h)  # h - 2τ, which is O(γ²h³): the limits below exist at γ = 0
+        kernel_t = np.ascontiguousarray(self.drift_diffusion.matrix(h).T)
+        before = shift_phases(self.grid, tau * self.grid.v)
+        if self.growth:
+            # exp(R(x - τv)), about the middle of the window: the constant does not matter
+            before *= np.exp(-self.growth * tau * (self.grid.v - (self.grid.low + self.grid.high) / 2))
+        after = before
+        if gamma > 0:
+            # -(k - iR)² = -k² + 2ikR + a constant: growth moves the diffusing waves
+            moved = (g - 2 * self.growth * sigma) / gamma * excess
+            uniform = shift_phases(self.grid, np.array([moved]))
+            diffusion = np.exp(-(self.grid.wavenumbers**2) * sigma / gamma * excess)
+            after = before * uniform * diffusion[:, None]
+        return _LinearTable(kernel_t, before, after)
 
     def __call__(self, f: Array, h: float) -> Array:
-        kernel_t, before, after = self._table(h)
+        table = self._tables.get(h, self._table)
         if self._transform is None:
-            return f @ kernel_t
+            return f @ table.kernel_t
         spectrum = self._transform.forward(f)
-        spectrum *= before
+        spectrum *= table.before
         # K is real: in x-space it costs half of what it does on complex Fourier rows.
-        shifted = self._transform.inverse() @ kernel_t
+        shifted = self._transform.inverse() @ table.kernel_t
         spectrum = self._transform.forward(shifted)
-        spectrum *= after
+        spectrum *= table.after
         return self._transform.inverse()
 
 
 class HermiteLinearStep:
-    """The same substep on Hermite coefficients, (nx, count), in closed form (velocity/hermite.py). Linear in the state."""
-
-    name = "linear"
-    _TABLES = 12
+    """The same substep on Hermite coefficients (nx, count), in closed form (`propagators`), linear in the state."""
 
     def __init__(self, grid: PhaseSpaceGrid, basis: HermiteBasis, model: Model) -> None:
         self.grid = grid
         self.basis = basis
         self.model = model
         self._transform = RealTransform(grid.nx, basis.count)
-        self._tables: OrderedDict[float, NDArray[np.complex128]] = OrderedDict()
+        self._tables = Tables[NDArray[np.complex128]](TABLES)
+
+    def _table(self, h: float) -> NDArray[np.complex128]:
+        """The propagator of each wave, (nx//2 + 1, count, count)."""
+        matrices = propagators(self.basis, self.grid.wavenumbers, 0.0, self.model, h)
+        if self.grid.nx % 2 == 0:
+            matrices[-1] = matrices[-1].real  # the Nyquist mode, as in operators/transport.py
+        return matrices
 
     def __call__(self, a: Array, h: float) -> Array:
-        if h not in self._tables:
-            matrices = propagators(self.basis, self.grid.wavenumbers, 0.0, self.model, h)
-            if self.grid.nx % 2 == 0:
-                matrices[-1] = matrices[-1].real  # the Nyquist mode, as in transport.py
-            self._tables[h] = matrices
-            if len(self._tables) > self._TABLES:
-                self._tables.popitem(last=False)
-        self._tables.move_to_end(h)
+        matrices = self._tables.get(h, self._table)
         spectrum = self._transform.forward(a)
-        spectrum[:] = np.matmul(self._tables[h], spectrum[:, :, None])[:, :, 0]
+        spectrum[:] = np.matmul(matrices, spectrum[:, :, None])[:, :, 0]
         return self._transform.inverse()

@@ -189,7 +189,7 @@ class _AtPoints:
 
     def __init__(self, operator: InelasticHermite, velocity: Array) -> None:
         self.operator, self.velocity = operator, velocity
-        self.name, self.conserves = operator.name, operator.conserves
+        self.conserves = operator.conserves
         self._values = operator.basis.values(velocity)
 
     def rate(self, f: Array) -> Array:

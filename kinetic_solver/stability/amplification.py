@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 HIGHEST_COLLISION_NUMBER = 300.0
+"""R* up to which `apparent_critical_density` looks: S(k) of (12) is known to 1e-4 up to there."""
 
 
 def growth_times(scene: Scene, mode: int, count: int = 200) -> Array:
@@ -39,7 +40,8 @@ def density_gain(scene: Scene, mode: int = 1, times: Array | None = None) -> Arr
 
         G_ρ = exp(-2k²(t - q)) [R² + k² exp((R² + k²)q²)]/(R² + k²),  q = 1 - exp(-t),  γ = σ = 1,
 
-    reached from δf(0) ∝ M φ_t* (`follow_leader.py`), particles slower than the rest by up to R*q√σ. (12): by matrix exponentials.
+    reached from δf(0) ∝ M φ_t* (stability/follow_leader.py), particles slower than the rest by up to R*q√σ. (12): by matrix
+    exponentials.
     Raises SceneError without friction and noise. Test: tests/linear_theory/test_transient_growth.py.
     """
     flow, units = flow_of(scene)

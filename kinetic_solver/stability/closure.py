@@ -23,9 +23,10 @@ if TYPE_CHECKING:
 SHORTEST = 7 * math.sqrt(3) / 9
 """R*_c of three moments for k → ∞, the least of all modes: where the paper's ρ_c^min lies."""
 WORST_CONDITION = 1e10
-"""Of an eigenvalue; 3e8 costs R*_c up to 3e-7 of its value (M = 64, k* = 1)."""
+"""The largest condition number of the marginal eigenvalue at which R*_c is given. At 3e8 (M = 64, k* = 1) rounding moves R*_c by
+up to 3e-7 of its value."""
 PAPERS_DENSITY = 12_000.0
-"""ρ_c^min as the paper prints it."""
+"""ρ_c^min as the paper prints it; its units are not given."""
 
 
 def closure_rates(scene: Scene, mode: int = 1) -> Complex:

@@ -28,12 +28,15 @@ from kinetic_solver.stability.units import Complex
 from kinetic_solver.threads import with_one_blas_thread
 
 MOST_FUNCTIONS = 512
+"""Hermite functions beyond which transient growth is not computed: matrix exponentials cost their cube."""
 SHORTEST_WAVE = 36.0
-"""k* of eigenfunctions, which reach exp(k*²/2) at unit density."""
+"""The largest k* of an eigenfunction. At unit density it reaches exp(k*²/2), which overflows at k* = 37.7."""
 
 
 @dataclass(frozen=True)
 class FollowLeaderFlow:
+    """A `Flow` (flow.py) about the Gaussian of (6), or of the gas without collisions, R* = 0."""
+
     collision_number: float
     """R*."""
     temperature: float = 1.0

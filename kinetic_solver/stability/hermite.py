@@ -20,6 +20,8 @@ from kinetic_solver.stability.units import Complex
 from kinetic_solver.theory.hermite import hermite_functions
 
 FUNCTIONS = 48
+"""Hermite functions for operator (12): S(k) to 5e-6 for R* ≤ 100, to 1e-4 for R* ≤ 300
+(tests/linear_theory/test_structure_factor.py)."""
 
 
 @dataclass(frozen=True)
@@ -27,8 +29,9 @@ class HermiteEquations:
     """da/dt = (at_rest - ik√b J) a, with (yφ)_n = Σ J_nm φ_m; and what collisions of N particles do to pairs."""
 
     at_rest: Array
+    """Drift, diffusion and linearised collisions, (count, count)."""
     correlation: Callable[[], Array]
-    """Γ, computed when it is asked for."""
+    """Makes Γ of `correlation_source`, which takes time and is not always asked for."""
     variance: float
     """b."""
 
@@ -39,9 +42,11 @@ class HermiteEquations:
 
     @property
     def count(self) -> int:
+        """Of the functions."""
         return len(self.at_rest)
 
     def generator(self, wavenumber: float) -> Complex:
+        """G with da/dt = G a for a wave exp(ikx), k = k*; (count, count)."""
         roots = np.sqrt(np.arange(1.0, self.count))
         shear = math.sqrt(self.variance) * (np.diag(roots, 1) + np.diag(roots, -1))
         return self.at_rest - 1j * wavenumber * shear

@@ -1,7 +1,7 @@
 """Homogeneous stationary states.
 
 For (6) and without collisions the state is a Gaussian in closed form. For (12) it is not Gaussian and is solved for
-(inelastic.py): up to the velocity scale √σ it depends on ε and the collision number R* alone.
+(stability/inelastic.py): up to the velocity scale √σ it depends on ε and the collision number R* alone.
 """
 
 from __future__ import annotations
@@ -18,6 +18,8 @@ from kinetic_solver.stability.inelastic import inelastic_flow
 
 @dataclass(frozen=True)
 class HomogeneousState:
+    """Of a scene at its mean density, in the scene's units."""
+
     mean_velocity: float
     """u_h."""
     temperature: float
@@ -54,3 +56,13 @@ def _inelastic(restitution: float, collision_number: float) -> tuple[float, floa
     distance = float(f @ np.abs(w[:, None] - w[None, :]) @ f) * dw**2
     # The kink of |v - v'| at 0 costs the plain sum dw²/6 ∫f²; the next correction is O(dw⁴).
     return theta, kurtosis, distance + dw**2 / 6 * float(f @ f) * dw
+
+
+def pressure_slope(restitution: float, collision_number: float) -> float:
+    """d(ρθ_h)/dρ of (12) over σ, to 1e-6: differences of order 4 in ln ρ, on which θ_h depends through R* alone."""
+
+    def pressure(change: float) -> float:
+        return (1 + change) * inelastic_flow(restitution, collision_number * (1 + change)).temperature
+
+    h = 0.01
+    return (8 * (pressure(h) - pressure(-h)) - (pressure(2 * h) - pressure(-2 * h))) / (12 * h)

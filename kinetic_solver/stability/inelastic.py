@@ -29,24 +29,28 @@ from kinetic_solver.stability.units import Complex
 from kinetic_solver.threads import with_one_blas_thread
 
 DIGITS = 44.0
+"""ln of the largest f_h over f_h at the window's edge: exp(-44) = 8e-20 is below round-off."""
 POINTS = 4.5
 """Points per thermal velocity √θ_h. f_h alone, a Gaussian to within a few per cent, is resolved to round-off by 2.9."""
 SHORTEST_WAVE = 12.0
-"""k*√(θ_h/σ) up to which the spectrum is computed: free flight shears a wave as exp(-ikw), and that needs ever more points."""
-
-
+"""The largest k*√(θ_h/σ) of which the spectrum is computed: free flight shears a wave as exp(-ikw), which takes ever more
+points."""
 WORST_UNCERTAINTY = 0.01
-"""Of s, or of γ where |s| is less: beyond it the spectrum is that of rounding errors, which no longer tell their size."""
+"""The largest uncertainty, relative to |s| or to γ where |s| is less, at which an eigenvalue is given. Beyond it what is found is
+the spectrum of rounding errors, whose own size is then not known either."""
 LONGEST_WAVE = 0.01
-"""k* below which the Lyapunov equation loses its digits as 1/k*²; S(k) is even and smooth there."""
+"""k* below which S(k) is extrapolated. The Lyapunov equation loses digits as 1/k*², and S(k) is even and smooth there."""
 
 
 @functools.lru_cache(maxsize=64)
 def inelastic_flow(restitution: float, collision_number: float) -> InelasticFlow:
+    """The flow at ε and R*; the last 64 are kept."""
     return InelasticFlow(restitution, collision_number)
 
 
 class InelasticFlow:
+    """A `Flow` (flow.py) about the homogeneous state of (12)."""
+
     @with_one_blas_thread
     def __init__(self, restitution: float, collision_number: float) -> None:
         self.restitution = restitution

@@ -1,7 +1,7 @@
 """The kinetic spectrum: eigenvalues and eigenfunctions of (2), linearised about the homogeneous state.
 
 (6): s_n(k) = -iku_h - nγ - (σ/γ)(k² - ikSρ), n = 0, 1, 2, …, exact: Re s < 0 for every k ≠ 0 at every density.
-(12): numerically (`inelastic.py`), each eigenvalue with its distance to the same on a coarser grid. For k → 0,
+(12): numerically (stability/inelastic.py), each eigenvalue with its distance to the same on a coarser grid. For k → 0,
 Re s = -(k²/γ) d(ρθ_h)/dρ.
 """
 
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 FIRST_MODES = range(1, 9)
+"""Modes of the pipe that are looked at where no others are named."""
 
 
 def kinetic_rates(scene: Scene, mode: int = 1, count: int = 4) -> tuple[Complex, Array]:

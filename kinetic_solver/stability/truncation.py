@@ -1,7 +1,7 @@
 """(2) with operator (6), cut after M Hermite moments, as an initial value problem: what a closure makes of a scene.
 
 With three moments it has the linearisation of the paper's (3)-(5). Its own waves, and its instability, are the closure's;
-the kinetic equation's are in `spectrum.py` and in the grid solver's runs.
+the kinetic equation's are in stability/spectrum.py and in the grid solver's runs.
 """
 
 from __future__ import annotations

@@ -15,6 +15,7 @@ from kinetic_solver.errors import SceneError
 from kinetic_solver.scene import Scene
 
 Complex: TypeAlias = NDArray[np.complexfloating[Any, Any]]
+"""A complex array, as arrays.Array is a real one."""
 
 
 @dataclass(frozen=True)
@@ -50,6 +51,7 @@ def wavenumber(scene: Scene, mode: int) -> float:
 
 
 def mode_numbers(modes: int | Iterable[int]) -> list[int]:
+    """One mode number or several, as a list."""
     return [int(modes)] if isinstance(modes, int | np.integer) else [int(n) for n in modes]
 
 

@@ -22,9 +22,10 @@ if TYPE_CHECKING:
     import xarray as xr
 
 Section = tuple[str, list[str]]
-HIGHEST_MATRIX = 6.0
-SHORTEST_MATRIX = 5.0
-"""R* and k* up to which the norm's growth takes a second or less; the density's has a closed form at any."""
+"""(question, lines of the answer)."""
+HIGHEST_MATRIX, SHORTEST_MATRIX = 6.0, 5.0
+"""The largest R* and k* at which the growth of the norm is told: its matrix exponentials take a second or less up to there. That
+of the density has a closed form at any."""
 
 
 def linear_theory(scene: Scene) -> xr.Dataset:

@@ -51,7 +51,7 @@ def transition(model: Model, h: float) -> Transition:
 
 
 def half_transport_time(gamma: float, h: float) -> float:
-    """τ = tanh(γh/2)/γ, the transport time on either side of the kernel in the exact linear step (linear.py)."""
+    """τ = tanh(γh/2)/γ, the transport time on either side of the kernel in the exact linear step (operators/linear.py)."""
     a = gamma * h / 2
     return h / 2 * (math.tanh(a) / a if a > 1e-8 else 1 - a * a / 3)
 

@@ -14,12 +14,15 @@ import xarray as xr
 from scipy import stats
 
 from kinetic_solver import Scene, SceneError, exact, solve
+from kinetic_solver.analysis.comparison_figure import comparison_figure
 from kinetic_solver.compare import Comparison, compare
-from kinetic_solver.compare.comparison import LEAST_COUNT, MEAN, MOST_LINES
-from kinetic_solver.compare.figures import comparison_figure
-from kinetic_solver.compare.sides import OVER_X, PARTS, TOTALS, Side
+from kinetic_solver.compare.comparison import MOST_LINES
+from kinetic_solver.compare.ensembles import PARTS
+from kinetic_solver.compare.rows import LEAST_COUNT, MEAN
+from kinetic_solver.compare.sides import side_of
 from kinetic_solver.compare.statistics import beyond
 from kinetic_solver.compare.systematic import CELLS, EXACT, STEP, contact_excess, systematic_parts
+from kinetic_solver.compare.values import OVER_X, TOTALS
 from kinetic_solver.stability import structure_factor
 from particles.plan import make_plan
 from particles.simulation import simulate
@@ -566,7 +569,7 @@ def test_refusals_of_files(make_scene: MakeScene, tmp_path: Path) -> None:
 
 
 def test_a_scene_that_is_none(make_scene: MakeScene) -> None:
-    with pytest.raises(SceneError):
+    with pytest.raises(SceneError, match="A: its scene cannot be read"):
         compare(truth(make_scene()).assign_attrs(scene="{}"), truth(make_scene()))
 
 
@@ -673,9 +676,9 @@ def test_systematic_parts(make_scene: MakeScene) -> None:
     grid = on_the_grid(make_scene(collisions=FOLLOW))
     assert systematic_parts(grid, scene) == {"grid": max(1e-4, float(np.nanmax(grid["error_estimate"])))}
     assert systematic_parts(grid.drop_vars("error_estimate"), scene) == {"grid": 1e-4}
-    side = Side(run, "A")
+    side = side_of(run, "A")
     assert side.bound == sum(found.values())
-    assert Side(raw(ensemble(make_scene(particles=FEW, output={"particles": True}))), "A").bound == 0
+    assert side_of(raw(ensemble(make_scene(particles=FEW, output={"particles": True}))), "A").bound == 0
 
 
 def with_collisions(make_scene: MakeScene, number: float, **changes: Any) -> Scene:

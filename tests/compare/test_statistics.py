@@ -7,8 +7,8 @@ import pytest
 from scipy import stats
 
 from kinetic_solver.arrays import Array
-from kinetic_solver.compare.sides import Values
 from kinetic_solver.compare.statistics import beyond, chi_squared, largest_of
+from kinetic_solver.compare.values import Values
 
 LEVELS = (0.05, 0.01)
 CONFIDENCE = 0.999

@@ -8,7 +8,7 @@ import numpy as np
 from kinetic_solver.arrays import Array
 
 LARGEST_EXPONENT = 500.0
-"""Below log of the largest double, 709."""
+"""Largest exponent of one piece of a substep. The logarithm of the largest double is 709; f itself needs some of that."""
 
 
 class FollowLeader:
@@ -17,7 +17,6 @@ class FollowLeader:
     `velocity`: uniform points (nv,); `cross_section`: S, dimensionless. Tests: tests/invariants/test_collisions.py.
     """
 
-    name = "follow-the-leader"
     conserves = ("mass",)
 
     def __init__(self, velocity: Array, cross_section: float) -> None:

@@ -1,6 +1,7 @@
-"""The two collision operators on Hermite coefficients (velocity/hermite.py): C[f] of a finite expansion, exact and then cut off.
+"""The two collision operators on Hermite coefficients: C[f] of a finite expansion, exact and then cut off.
 
-States and rates have shape (nx, count). Tests: tests/invariants/test_hermite.py.
+The basis is that of operators/velocity/hermite.py; states and rates have shape (nx, count).
+Tests: tests/invariants/test_hermite.py.
 """
 
 from __future__ import annotations
@@ -17,9 +18,9 @@ from kinetic_solver.theory.hermite import hermite_functions
 
 
 class FollowLeaderHermite:
-    """(6), C = S f (j - ρv). Tridiagonal; conserves mass exactly. Linearised, it needs no rate: linearised/hermite.py."""
+    """(6), C = S f (j - ρv). Tridiagonal; conserves mass exactly. The exactly linearised step
+    (operators/linearised/hermite.py) does without it."""
 
-    name = "follow-the-leader"
     conserves = ("mass",)
 
     def __init__(self, basis: HermiteBasis, cross_section: float) -> None:
@@ -43,7 +44,6 @@ class InelasticHermite:
     Cost: count³/4 multiplications per x, as matrix products.
     """
 
-    name = "inelastic"
     conserves = ("mass", "momentum")
 
     def __init__(self, basis: HermiteBasis, cross_section: float, restitution: float) -> None:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from kinetic_solver.arrays import Array
 
 POINTS = {"linear": 2, "cubic": 4, "quintic": 6}
-"""Of each deposit's stencil: the order of its error in dv."""
+"""Deposit → points of its Lagrange stencil, which is the order of its error in dv."""
 
 
 class Inelastic:
@@ -24,7 +24,6 @@ class Inelastic:
     Cost: O(nv²) per x. Tests: tests/invariants/test_collisions.py.
     """
 
-    name = "inelastic"
     conserves = ("mass", "momentum")
 
     def __init__(self, velocity: Array, cross_section: float, restitution: float, deposit: str = "linear") -> None:

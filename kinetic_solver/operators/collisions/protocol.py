@@ -11,9 +11,6 @@ class CollisionRate(Protocol):
     """C[f] on velocity points, local in x; f has shape (nx, nv), v contiguous, and holds point values."""
 
     @property
-    def name(self) -> str: ...
-
-    @property
     def conserves(self) -> tuple[str, ...]:
         """Which of "mass", "momentum", "energy" it leaves alone at every x."""
         ...

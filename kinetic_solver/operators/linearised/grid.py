@@ -1,7 +1,7 @@
 """Equation (2) with operator (6) in one exact step of any length, from any f on velocity points.
 
 With Φ_x = ρ, Φ_t = -ρu and f = F exp(-SΦ), F obeys (2) without collisions (docs/theory.md, "exactly linearisable"), so every
-part of the exact linear step (linear.py) is an exact part of the nonlinear one. What a part does to Φ follows from
+part of the exact linear step (operators/linear.py) is an exact part of the nonlinear one. What a part does to Φ follows from
 E = exp(SΦ), E_x = S∫F dv. There is no splitting and no error in time; what is left is how well the grid resolves f.
 
 exp(SΦ) spans many decades, and a Fourier transform in x is accurate relative to the largest value only. So there are two gauges:
@@ -18,7 +18,6 @@ Tests: tests/exact/test_linearised_grid.py.
 from __future__ import annotations
 
 import math
-from collections import OrderedDict
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,12 +29,16 @@ from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.operators.fourier import RealTransform, derivative, integral_spectrum
 from kinetic_solver.operators.linear import LinearStep
 from kinetic_solver.operators.linearised.ratio import GaugeRatio
+from kinetic_solver.operators.tables import Tables
 from kinetic_solver.operators.transport import resolved_waves, shift_phases
 from kinetic_solver.operators.velocity import DriftDiffusion
 from kinetic_solver.scene import Model
 from kinetic_solver.theory.ornstein_uhlenbeck import transition, transport_times
 
 ROUND_OFF = float(np.finfo(float).eps)
+"""Relative spacing of doubles, 2.2e-16."""
+TABLES = 8
+"""Step lengths whose tables are kept. Frames at even times use one or two; at uneven times each brings its own."""
 
 
 @dataclass(frozen=True)
@@ -56,9 +59,6 @@ class GridLinearisedStep:
     Raises LostAccuracy where E is not positive, or not a number.
     """
 
-    name = "linearised"
-    _TABLES = 8
-
     def __init__(
         self, grid: PhaseSpaceGrid, model: Model, cross_section: float, drift_diffusion: DriftDiffusion, tolerance: float
     ) -> None:
@@ -71,7 +71,7 @@ class GridLinearisedStep:
         self._mean_density = 0.0
         self._growing: LinearStep | None = None
         self._transform = RealTransform(grid.nx, grid.nv)
-        self._shifts: OrderedDict[float, _LocalTables] = OrderedDict()
+        self._tables = Tables[_LocalTable](TABLES)
         self._keep = resolved_waves(grid)
         self._ratio = GaugeRatio(grid, cross_section)
 
@@ -83,6 +83,7 @@ class GridLinearisedStep:
         return float(np.ptp(self._potential(f.sum(axis=1) * self.grid.dv))) * self.cross_section
 
     def lift(self, f: Array) -> Lifted:
+        """f in the gauge that `tolerance` allows. Raises LostAccuracy where f is not finite or has no mass."""
         density = f.sum(axis=1) * self.grid.dv
         mean = float(density.mean())
         if not (np.isfinite(f).all() and mean > 0):
@@ -98,19 +99,21 @@ class GridLinearisedStep:
         return Lifted(self._transform.inverse(), is_global=True)
 
     def propagate(self, lifted: Lifted, h: float) -> Lifted:
+        """After h; in the local gauge it may come back in the global one."""
         # Whatever goes wrong inside shows as a density that is not a positive number, which is looked for.
         with np.errstate(all="ignore"):
             if lifted.is_global:
                 assert self._growing is not None
                 values = self._growing(lifted.values, h)
                 return Lifted(values / values.max(), is_global=True)
-            tables = self._table(h)
-            f = self._transported(lifted.values, tables.outer) @ tables.kernel_t
-            f = self._transported(f, tables.inner) @ tables.kernel_t
+            table = self._tables.get(h, self._table)
+            f = self._transported(lifted.values, table.outer) @ table.kernel_t
+            f = self._transported(f, table.inner) @ table.kernel_t
             # The range of Φ only shrinks: once it allows the global gauge, that takes over.
-            return self.lift(self._transported(f, tables.outer))
+            return self.lift(self._transported(f, table.outer))
 
     def lower(self, lifted: Lifted) -> Array:
+        """f itself."""
         if not lifted.is_global:
             return lifted.values
         s, mean, k = self.cross_section, self._mean_density, self.grid.wavenumbers
@@ -149,15 +152,7 @@ class GridLinearisedStep:
         self.density_defect = max(self.density_defect, defect)
         return f * (density / n)[:, None]
 
-    def _table(self, h: float) -> _LocalTables:
-        if h not in self._shifts:
-            self._shifts[h] = self._make(h)
-            if len(self._shifts) > self._TABLES:
-                self._shifts.popitem(last=False)
-        self._shifts.move_to_end(h)
-        return self._shifts[h]
-
-    def _make(self, h: float) -> _LocalTables:
+    def _table(self, h: float) -> _LocalTable:
         whole, half = transition(self.model, h), transition(self.model, h / 2)
         a, b = transport_times(self.model.friction, h)
         # Gravity acts within the kernels; the displacement that these transports miss is the same for all velocities.
@@ -165,7 +160,7 @@ class GridLinearisedStep:
         kernel_t = np.ascontiguousarray(self.drift_diffusion.matrix(h / 2).T)
         outer = _shift(self.grid, a * self.grid.v)
         inner = _shift(self.grid, b * self.grid.v + rest)
-        return _LocalTables(outer, inner, kernel_t)
+        return _LocalTable(outer, inner, kernel_t)
 
 
 @dataclass(frozen=True)
@@ -179,10 +174,13 @@ class _Shift:
 
 
 @dataclass(frozen=True)
-class _LocalTables:
+class _LocalTable:
     outer: _Shift
+    """Of the first and the last of the three transports."""
     inner: _Shift
+    """Of the second."""
     kernel_t: Array
+    """K(h/2) transposed, (nv, nv)."""
 
 
 def _shift(grid: PhaseSpaceGrid, displacement: Array) -> _Shift:

@@ -2,14 +2,13 @@
 
 With Φ_x = ρ, Φ_t = -j the function F = f exp(SΦ) obeys (2) without collisions, and E = exp(SΦ) obeys E_x = S∫F dv. On the
 period L, E = exp(Rx) W with R = Sρ̄ and W periodic. So F = f W (its periodic part, from here on) evolves independently in each
-Fourier mode, by a matrix known in closed form (velocity/hermite.py), and it holds W, whose modes are S n_k/(R + ik), n = ∫F dv.
-f = F/W.
+Fourier mode, by a matrix known in closed form (operators/velocity/hermite.py), and it holds W, whose modes are
+S n_k/(R + ik), n = ∫F dv. f = F/W.
 """
 
 from __future__ import annotations
 
 import math
-from collections import OrderedDict
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,10 +17,10 @@ from kinetic_solver.arrays import Array
 from kinetic_solver.errors import LostAccuracy
 from kinetic_solver.grid import wavenumbers
 from kinetic_solver.operators.fourier import RealTransform
+from kinetic_solver.operators.linearised.grid import ROUND_OFF, TABLES
+from kinetic_solver.operators.tables import Tables
 from kinetic_solver.operators.velocity.hermite import HermiteBasis, propagators
 from kinetic_solver.scene import Model
-
-EPSILON = float(np.finfo(float).eps)
 
 
 class HermiteLinearisedStep:
@@ -38,9 +37,6 @@ class HermiteLinearisedStep:
     the real part.
     Tables are kept for the last few values of h. Tests: tests/exact/test_linearised_hermite.py.
     """
-
-    name = "linearised"
-    _TABLES = 8
 
     density_defect: float
     """The largest so far, at `lift` and `lower`, of n's last two Fourier modes over ρ̄ min W: the error of the resolution in x,
@@ -80,12 +76,12 @@ class HermiteLinearisedStep:
         self._gauge_equation[nx, :nx] = 1 / nx
         self._gauge_equation[nx, nx] = 0.0
         self._transform = RealTransform(nx, basis.count)
-        self._tables: OrderedDict[float, NDArray[np.complex128]] = OrderedDict()
+        self._tables = Tables[NDArray[np.complex128]](TABLES)
 
     @property
     def round_off(self) -> float:
         """The relative round-off of f to expect where W is smallest."""
-        return EPSILON * math.exp(self.gauge_range)
+        return ROUND_OFF * math.exp(self.gauge_range)
 
     def __call__(self, a: Array, h: float) -> Array:
         return self.lower(self.propagate(self.lift(a), h))
@@ -109,7 +105,7 @@ class HermiteLinearisedStep:
 
     def propagate(self, spectrum: NDArray[np.complex128], h: float) -> NDArray[np.complex128]:
         """F after h, scaled so that W keeps mean 1."""
-        matrices = self._table(h)
+        matrices = self._tables.get(h, self._table)
         kept = matrices.shape[0]
         later = np.zeros_like(spectrum)
         later[:kept] = np.matmul(matrices, spectrum[:kept, :, None])[:, :, 0]
@@ -138,14 +134,9 @@ class HermiteLinearisedStep:
 
     def _table(self, h: float) -> NDArray[np.complex128]:
         """The propagators of the first wavenumbers; those left out are zero to twice the digits there are."""
-        if h not in self._tables:
-            matrices = propagators(self.basis, self._wavenumbers, self._bloch, self.model, h)
-            if self._nx % 2 == 0:
-                matrices[-1] = matrices[-1].real
-            largest = np.abs(matrices).max(axis=(1, 2))
-            kept = 1 + int(np.flatnonzero(largest > EPSILON**2 * largest[0])[-1])
-            self._tables[h] = matrices[:kept].copy()
-            if len(self._tables) > self._TABLES:
-                self._tables.popitem(last=False)
-        self._tables.move_to_end(h)
-        return self._tables[h]
+        matrices = propagators(self.basis, self._wavenumbers, self._bloch, self.model, h)
+        if self._nx % 2 == 0:
+            matrices[-1] = matrices[-1].real
+        largest = np.abs(matrices).max(axis=(1, 2))
+        kept = 1 + int(np.flatnonzero(largest > ROUND_OFF**2 * largest[0])[-1])
+        return matrices[:kept].copy()

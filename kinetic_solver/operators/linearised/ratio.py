@@ -26,7 +26,7 @@ from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.operators.fourier import derivative
 
 THICKEST_CELL = 1e4
-"""Largest Sρ dx, mean free paths in a cell: with 312 nodes."""
+"""The largest Sρ dx, the number of mean free paths in a cell, that is stepped; it takes 312 nodes a cell."""
 
 
 def node_count(thickness: float) -> int:

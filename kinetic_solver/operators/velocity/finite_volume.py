@@ -38,8 +38,6 @@ class FiniteVolume:
     tests/invariants/test_velocity.py.
     """
 
-    name = "finite-volume"
-
     def __init__(self, grid: PhaseSpaceGrid, model: Model) -> None:
         if model.friction * model.noise == 0:
             # a programming error: the plan chooses no such case
@@ -133,8 +131,6 @@ class HighOrderFiniteVolume(FiniteVolume):
     Needs γσ > 0. Order, exact solutions, relative accuracy in the tail: tests/convergence/test_velocity.py; invariants,
     stability, signs: tests/invariants/test_velocity.py.
     """
-
-    name = "finite-volume-8"
 
     def generator(self) -> sparse.csr_array:
         """A, with df/dt = A f; its columns sum to 0."""

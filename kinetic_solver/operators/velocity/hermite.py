@@ -78,7 +78,8 @@ def propagators(basis: HermiteBasis, wavenumbers: Array, rate: float, model: Mod
         GF = -ik v F - rate (v - centre) F - ∂/∂v[(g - γv) F] + σγ ∂²F/∂v².
 
     It is exact under truncation: the block n < count of the infinite matrix. `rate` is the growth along x of F's Bloch factor
-    exp(rate (x - centre t)) (linearised/hermite.py), 0 in a plain linear step. The basis must have the noise's variance.
+    exp(rate (x - centre t)) (operators/linearised/hermite.py), 0 in a plain linear step. The basis must have the noise's
+    variance.
 
     With a φ_n = √n φ_{n-1}, √variance = s, q = (1 - e)/γ, e = exp(-γh),
 

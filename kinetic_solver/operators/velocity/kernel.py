@@ -38,8 +38,6 @@ class OrnsteinUhlenbeckKernel:
     Tests: tests/invariants/test_velocity.py, tests/convergence/test_velocity.py.
     """
 
-    name = "kernel"
-
     def __init__(
         self, grid: PhaseSpaceGrid, model: Model, unresolved: DriftDiffusion | None = None, resolution: float = RESOLVED
     ) -> None:

@@ -10,8 +10,6 @@ from kinetic_solver.arrays import Array
 class DriftDiffusion(Protocol):
     """Solves ∂f/∂t + ∂/∂v[(g - γv) f] = σγ ∂²f/∂v² on the velocity points, over any time h."""
 
-    name: str
-
     def matrix(self, h: float) -> Array:
         """K(h), shape (nv, nv): f(v_i) after h is Σ_j K_ij f(v_j). Every column sums to 1: mass is conserved."""
         ...

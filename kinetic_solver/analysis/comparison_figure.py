@@ -1,4 +1,4 @@
-"""The picture of a comparison. Imported only when asked for; drawn on a canvas of its own."""
+"""The picture of a comparison."""
 
 from __future__ import annotations
 
@@ -9,17 +9,19 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from kinetic_solver.analysis.drawing import BLUE, ORANGE, save
 from kinetic_solver.compare.comparison import Comparison
 from kinetic_solver.compare.rows import MEAN, Row
-from kinetic_solver.errors import SceneError
 
-FIRST, SECOND = "#0072B2", "#D55E00"
+FIRST, SECOND = BLUE, ORANGE
+"""Colours of the two sides."""
 NAMES = {
     "density": "density ρ",
     "mean_velocity": "mean velocity u",
     "temperature": "temperature θ",
     "velocity_distribution": "w(v)",
 }
+"""Fields that are drawn, as they are called."""
 
 
 def save_comparison(found: Comparison, path: str | Path) -> None:
@@ -28,13 +30,11 @@ def save_comparison(found: Comparison, path: str | Path) -> None:
     Without chance the lower row is the difference over the bound on its systematic part. Raises SceneError where the file cannot
     be written.
     """
-    try:
-        comparison_figure(found).savefig(path, dpi=150)
-    except (OSError, ValueError) as error:
-        raise SceneError(f"{path}: cannot be written ({error})") from None
+    save(comparison_figure(found), path)
 
 
 def comparison_figure(found: Comparison) -> Figure:
+    """The figure that `save_comparison` writes."""
     shown = [row for row in found.rows if row.field in NAMES]
     worst = min(shown, key=lambda row: (row.p, -row.time))
     rows = [row for row in shown if row.time == worst.time or math.isnan(worst.time)]
