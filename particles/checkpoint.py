@@ -52,7 +52,7 @@ class Checkpoint:
         if not self.path.exists():
             return None
         try:
-            with np.load(self.path, allow_pickle=False) as file:
+            with self.path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
                 state = dict(file)
             scene, written = Scene.model_validate_json(str(state.pop("scene"))), int(state.pop("written"))
         except (OSError, ValueError, KeyError, EOFError, BadZipFile):
