@@ -5,10 +5,15 @@ from __future__ import annotations
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import netCDF4
 import numpy as np
+import pytest
 import xarray as xr
+
+from kinetic_solver import RunUnfinished, Scene, SceneError, run_to_file
+from kinetic_solver.dataset import FINISHED, open_run
 
 SCENE = """
 [model]
@@ -64,64 +69,64 @@ def test_stopped_and_resumed(tmp_path: Path) -> None:
     assert (finished.returncode, finished.stdout) == (0, "it has finished already\nout.nc is complete\n")
 
 
+@pytest.fixture
+def stopped(tmp_path: Path) -> Path:
+    """The file of a run that was stopped at its first frame, its checkpoint beside it."""
+    path = tmp_path / "out.nc"
+    with pytest.raises(RunUnfinished):
+        run_to_file(scene(tmp_path), path, "particles", max_walltime=0)
+    return path
+
+
+def scene(folder: Path, **overrides: Any) -> Scene:
+    (folder / "scene.toml").write_text(SCENE)
+    return Scene.from_toml(folder / "scene.toml", overrides)
+
+
+def refusal(path: Path) -> str:
+    """Why the run into this file is not resumed."""
+    with pytest.raises(SceneError) as caught:
+        run_to_file(scene(path.parent), path, "particles", resume=True)
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
 def test_resume_without_a_checkpoint_starts_afresh(tmp_path: Path) -> None:
-    (tmp_path / "scene.toml").write_text(SCENE)
-    done = run(tmp_path, "-o", "out.nc", "--resume", "--set", "run.end_time=0.25")
-    assert done.returncode == 0, done.stderr
-    assert "out.nc is complete" in done.stdout
+    short = scene(tmp_path, **{"run.end_time": 0.25})
+    for _ in range(2):
+        run_to_file(short, tmp_path / "out.nc", "particles", resume=True)
+        with open_run(tmp_path / "out.nc") as found:
+            assert found["time"].values.tolist() == [0, 0.25]
+            assert int(found["status"]) == FINISHED
 
 
-def test_a_broken_checkpoint_is_said(tmp_path: Path) -> None:
-    (tmp_path / "scene.toml").write_text(SCENE)
-    assert run(tmp_path, "-o", "out.nc", "--max-walltime", "0").returncode == 3
-    whole = (tmp_path / "out.nc.checkpoint").read_bytes()
+def test_a_broken_checkpoint_is_said(stopped: Path) -> None:
+    checkpoint = stopped.with_name("out.nc.checkpoint")
+    whole = checkpoint.read_bytes()
     for broken in (b"", b"nonsense", whole[:1000], whole[:-100]):
-        (tmp_path / "out.nc.checkpoint").write_bytes(broken)
-        done = run(tmp_path, "-o", "out.nc", "--resume")
-        assert done.returncode == 2
-        assert "is not a readable checkpoint; remove it to start afresh" in done.stderr
+        checkpoint.write_bytes(broken)
+        assert "is not a readable checkpoint; remove it to start afresh" in refusal(stopped)
 
 
-def test_a_damaged_scene_is_said(tmp_path: Path) -> None:
-    """In the run's file, and in the checkpoint."""
-    (tmp_path / "scene.toml").write_text(SCENE)
-    assert run(tmp_path, "-o", "out.nc", "--max-walltime", "0").returncode == 3
-    with np.load(tmp_path / "out.nc.checkpoint") as whole:
+def test_a_damaged_scene_is_said(stopped: Path) -> None:
+    """In the checkpoint, and in the run's file."""
+    checkpoint = stopped.with_name("out.nc.checkpoint")
+    with np.load(checkpoint) as whole:
         state = dict(whole)
-    with (tmp_path / "out.nc.checkpoint").open("wb") as file:
+    with checkpoint.open("wb") as file:
         np.savez(file, **{**state, "scene": '{"pipe": {}}'})
-    done = run(tmp_path, "-o", "out.nc", "--resume")
-    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
-    assert "is not a readable checkpoint" in done.stderr
-    with netCDF4.Dataset(tmp_path / "out.nc", "a") as file:
-        file.scene = '{"pipe": {}}'
-    done = run(tmp_path, "-o", "out.nc", "--resume")
-    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
-    assert "out.nc: its scene cannot be read" in done.stderr
+    assert "is not a readable checkpoint; remove it to start afresh" in refusal(stopped)
+    with netCDF4.Dataset(stopped, "a") as run_of:
+        run_of.scene = '{"pipe": {}}'
+    assert "out.nc: its scene cannot be read" in refusal(stopped)
 
 
-def test_a_file_that_lost_its_end_is_not_continued(tmp_path: Path) -> None:
-    (tmp_path / "scene.toml").write_text(SCENE)
-    assert run(tmp_path, "-o", "out.nc", "--max-walltime", "0").returncode == 3
-    whole = (tmp_path / "out.nc").read_bytes()
-    (tmp_path / "out.nc").write_bytes(whole[: len(whole) // 2])
-    done = run(tmp_path, "-o", "out.nc", "--resume")
-    assert done.returncode == 2
-    assert "has lost what was written before the checkpoint" in done.stderr
+def test_a_file_that_lost_its_end_is_not_continued(stopped: Path) -> None:
+    whole = stopped.read_bytes()
+    stopped.write_bytes(whole[: len(whole) // 2])
+    assert "has lost what was written before the checkpoint; allowed: to overwrite it" in refusal(stopped)
 
 
 def test_a_file_of_another_method_is_not_continued(tmp_path: Path) -> None:
-    (tmp_path / "scene.toml").write_text(SCENE)
-    command = [sys.executable, "-m", "kinetic_solver", "run", "scene.toml", "-o", "out.nc", "--method", "exact"]
-    assert subprocess.run(command, cwd=tmp_path, capture_output=True, timeout=120).returncode == 0
-    done = run(tmp_path, "-o", "out.nc", "--resume")
-    assert done.returncode == 2
-    assert "out.nc: is a run of method 'exact'; allowed: another name" in done.stderr
-
-
-def test_resume_is_for_particles(tmp_path: Path) -> None:
-    (tmp_path / "scene.toml").write_text(SCENE)
-    command = [sys.executable, "-m", "kinetic_solver", "run", "scene.toml", "--resume"]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120)
-    assert done.returncode == 2
-    assert "resume: method 'grid' keeps no checkpoints, and starts afresh; allowed: with method 'particles'" in done.stderr
+    run_to_file(scene(tmp_path), tmp_path / "out.nc", "exact")
+    assert "out.nc: is a run of method 'exact'; allowed: another name" in refusal(tmp_path / "out.nc")
