@@ -1,7 +1,7 @@
 """Does rtol deliver? Sweeps scenes with everything chosen from rtol and prints error/rtol, for f and for the moments.
 
-Operator (6) is held against the closed form; operator (12), which has none, against a refined run. The constants marked
-"measured" in rules.py come from here. Fails where a ratio exceeds 1.
+Operator (6) is held against the closed form; operator (12), which has none, against a refined run. The constants in
+plan/measured.py come from here. Fails where a ratio exceeds 1.
 """
 
 from __future__ import annotations

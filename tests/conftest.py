@@ -10,7 +10,9 @@ os.environ.setdefault("NUMBA_NUM_THREADS", "2")
 
 import copy
 import math
+import subprocess
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -66,3 +68,27 @@ def standing_scene() -> Callable[..., Scene]:
         return Scene.model_validate(merge({**base, "collisions": table}, changes))
 
     return make
+
+
+Command = Callable[..., subprocess.CompletedProcess[str]]
+
+
+@pytest.fixture
+def command(monkeypatch: pytest.MonkeyPatch) -> Command:
+    """command("run", "scene.toml", folder=path): a command in this process, which has everything imported and compiled.
+
+    What is wrong with the command line itself (a missing argument, an unknown option) is said by `main` alone: for that, and for
+    signals, start a process.
+    """
+    from typer.testing import CliRunner
+
+    from kinetic_solver.cli.app import app
+
+    def run(*arguments: str, folder: Path) -> subprocess.CompletedProcess[str]:
+        monkeypatch.chdir(folder)
+        done = CliRunner().invoke(app, arguments)
+        if done.exception is not None and not isinstance(done.exception, SystemExit):
+            raise done.exception
+        return subprocess.CompletedProcess(arguments, done.exit_code, done.stdout, done.stderr)
+
+    return run

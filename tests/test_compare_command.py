@@ -5,19 +5,19 @@ from __future__ import annotations
 import math
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import matplotlib.image
 import numpy as np
 import pytest
 import xarray as xr
-from typer.testing import CliRunner
 
 from kinetic_solver import Scene, exact
-from kinetic_solver.cli.app import app
 from kinetic_solver.dataset import open_run, write_dataset
 from particles.simulation import simulate
 
+Command = Callable[..., subprocess.CompletedProcess[str]]
 SCENE = {
     "model": {"gravity": 1.3, "friction": 0.7, "noise": 0.5},
     "pipe": {"length": 9.0},
@@ -29,7 +29,7 @@ SCENE = {
 RIGHT, WRONG, RAW = "right.nc", "wrong.nc", "raw.nc"
 
 
-def cli(*arguments: str, folder: Path) -> subprocess.CompletedProcess[str]:
+def process(*arguments: str, folder: Path) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "kinetic_solver", *arguments]
     return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=120)
 
@@ -51,7 +51,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_no_difference_is_0(folder: Path) -> None:
-    done = cli("compare", "particles.nc", RIGHT, folder=folder)
+    """As a process: the exit code is its own."""
+    done = process("compare", "particles.nc", RIGHT, folder=folder)
     assert (done.returncode, done.stderr) == (0, "")
     lines = done.stdout.splitlines()
     assert lines[0].startswith("particles.nc: particles, 2000 particles in each of 8 replicas")
@@ -60,11 +61,11 @@ def test_no_difference_is_0(folder: Path) -> None:
     assert lines[-1].startswith("no difference found: p = ")
 
 
-def test_a_difference_is_4_and_is_written_and_drawn(folder: Path, tmp_path: Path) -> None:
+def test_a_difference_is_4_and_is_written_and_drawn(command: Command, folder: Path, tmp_path: Path) -> None:
     """The dataset says what the table says, and is one of this solver's; an existing one is kept."""
     target = tmp_path / "out.nc"
     arguments = ("compare", "particles.nc", WRONG, "-o", str(target), "--figure", "--level", "0.001")
-    done = cli(*arguments, folder=folder)
+    done = command(*arguments, folder=folder)
     assert done.returncode == 4
     assert done.stderr == ""
     assert "they differ: p = " in done.stdout
@@ -85,27 +86,26 @@ def test_a_difference_is_4_and_is_written_and_drawn(folder: Path, tmp_path: Path
     assert picture.shape[0] > 500
     assert picture.std() > 0.05
 
-    again = CliRunner().invoke(app, [str(folder / a) if a.endswith(".nc") else a for a in arguments])
-    assert again.exit_code == 2
+    again = command(*arguments, folder=folder)
+    assert again.returncode == 2
     assert again.stderr == f"error: {target}: exists already; use --overwrite to replace it, or name another file with -o\n"
-    once_more = CliRunner().invoke(app, [*(str(folder / a) if a.endswith(".nc") else a for a in arguments), "--overwrite"])
-    assert once_more.exit_code == 4
+    assert command(*arguments, "--overwrite", folder=folder).returncode == 4
 
 
-def test_the_picture_has_a_name_of_its_own(folder: Path, tmp_path: Path) -> None:
-    done = cli("compare", str(folder / RIGHT), str(folder / RIGHT), "--figure", folder=tmp_path)
+def test_the_picture_has_a_name_of_its_own(command: Command, folder: Path, tmp_path: Path) -> None:
+    done = command("compare", str(folder / RIGHT), str(folder / RIGHT), "--figure", folder=tmp_path)
     assert done.returncode == 0
     assert done.stdout.splitlines()[-1] == "wrote right-right.png"
     assert [path.name for path in tmp_path.iterdir()] == ["right-right.png"]
 
 
-def test_a_time_for_particles_that_have_none(folder: Path) -> None:
+def test_a_time_for_particles_that_have_none(command: Command, folder: Path) -> None:
     """Independent particles without waves are not those of the scene at any time."""
-    done = cli("compare", RAW, RIGHT, "--time", "0", folder=folder)
+    done = command("compare", RAW, RIGHT, "--time", "0", folder=folder)
     assert done.returncode == 4
     assert "raw.nc: particles that others made, 1000 particles in each of 8 replicas" in done.stdout
     assert {line.split()[1] for line in done.stdout.splitlines() if line.startswith(("density", "temperature"))} == {"0"}
-    done = cli("compare", RAW, RIGHT, folder=folder)
+    done = command("compare", RAW, RIGHT, folder=folder)
     assert "raw.nc has no time: taken as the other's last, t = 0.5; another time can be given" in done.stdout
 
 
@@ -123,12 +123,9 @@ def test_a_time_for_particles_that_have_none(folder: Path) -> None:
     ],
     ids=lambda value: value if isinstance(value, str) else None,
 )
-def test_what_is_wrong_is_said_in_one_line(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, arguments: tuple[str, ...], message: str
-) -> None:
-    monkeypatch.chdir(folder)
-    done = CliRunner().invoke(app, ["compare", *arguments])
-    assert done.exit_code == 2
+def test_what_is_wrong_is_said_in_one_line(command: Command, folder: Path, arguments: tuple[str, ...], message: str) -> None:
+    done = command("compare", *arguments, folder=folder)
+    assert done.returncode == 2
     assert done.stderr.startswith("error: ")
     assert message in done.stderr
     assert done.stderr.count("\n") == 1
@@ -136,15 +133,15 @@ def test_what_is_wrong_is_said_in_one_line(
 
 
 def test_one_file_is_not_enough(folder: Path) -> None:
-    done = cli("compare", RIGHT, folder=folder)
+    done = process("compare", RIGHT, folder=folder)
     assert (done.returncode, done.stdout) == (2, "")
     assert "Missing argument 'B.nc'" in done.stderr
     assert done.stderr.count("\n") == 1
 
 
-def test_an_input_is_not_replaced(folder: Path) -> None:
+def test_an_input_is_not_replaced(command: Command, folder: Path) -> None:
     before = (folder / RIGHT).read_bytes()
-    done = cli("compare", RIGHT, "particles.nc", "-o", RIGHT, "--overwrite", folder=folder)
+    done = command("compare", RIGHT, "particles.nc", "-o", RIGHT, "--overwrite", folder=folder)
     assert done.returncode == 2
     assert "is one of the files to compare; name another" in done.stderr
     assert (folder / RIGHT).read_bytes() == before

@@ -126,8 +126,7 @@ def in_memory(method: str, scene: Scene) -> xr.Dataset:
     return {"grid": solve, "exact": exact.solve, "particles": simulate}[method](scene)
 
 
-not_yet = pytest.mark.xfail(strict=True, reason="the grid solver keeps times of its own until it takes the schedule")
-METHODS = pytest.mark.parametrize("method", [pytest.param("grid", marks=not_yet), "exact", "particles"])
+METHODS = pytest.mark.parametrize("method", ["grid", "exact", "particles"])
 
 
 @METHODS

@@ -5,25 +5,22 @@ from __future__ import annotations
 import functools
 import math
 import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import matplotlib.image
 import numpy as np
 import pytest
 import xarray as xr
 from pydantic import ValidationError
-from typer.testing import CliRunner
 
 from kinetic_solver import Scene, SceneError, compare
 from kinetic_solver.analysis import paper_figures as snapshots
 from kinetic_solver.analysis.paper_figures import BINS, expected_contrast, figure_scene, save_snapshots, summary
-from kinetic_solver.cli.app import app
 from kinetic_solver.stability import structure_factor
 from kinetic_solver.stability.homogeneous import homogeneous_state
 
+Command = Callable[..., subprocess.CompletedProcess[str]]
 SHORT = (0.0, 0.5, 2.0)
 BOTH = pytest.mark.parametrize("operator", ["follow-the-leader", "inelastic"])
 
@@ -274,38 +271,28 @@ def test_two_fitted_populations() -> None:
 # -- the command
 
 
-def test_the_command_knows_two_figures(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "kinetic_solver", "figure", "4"]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120)
-    assert (done.returncode, done.stdout, done.stderr) == (2, "", "error: figure 4: allowed: 2 or 3\n")
-    assert not list(tmp_path.iterdir())
-
-
-Command = Callable[..., Any]
-
-
 @pytest.fixture
-def command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Command:
-    """`figure` in this process, with its times short and its files in `tmp_path`."""
+def figure(command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Command:
+    """figure("2", …): the command with its times short and its files in `tmp_path`."""
     monkeypatch.setattr(snapshots, "TIMES", SHORT)
-    monkeypatch.chdir(tmp_path)
-    return lambda *arguments: CliRunner().invoke(app, ["figure", *arguments])
+    return functools.partial(command, "figure", folder=tmp_path)
 
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
+        (("4",), "error: figure 4: allowed: 2 or 3\n"),
         (("2", "--operator", "elastic"), "error: collisions.operator = 'elastic': "),
         (("2", "--count", "0"), "error: particles.count = 0: "),
         (("2", "--seed", "-1"), "error: particles.seed = -1: "),
         (("2", "-o", "there.nc"), "error: there.nc: exists already; use --overwrite to replace it"),
     ],
-    ids=["operator", "count", "seed", "exists"],
+    ids=["figure", "operator", "count", "seed", "exists"],
 )
-def test_the_command_refuses(tmp_path: Path, command: Command, arguments: tuple[str, ...], message: str) -> None:
+def test_the_command_refuses(tmp_path: Path, figure: Command, arguments: tuple[str, ...], message: str) -> None:
     (tmp_path / "there.nc").write_text("kept")
-    done = command(*arguments)
-    assert done.exit_code == 2
+    done = figure(*arguments)
+    assert done.returncode == 2
     assert done.stderr.startswith(message)
     assert done.stderr.count("\n") == 1
     assert [path.name for path in tmp_path.iterdir()] == ["there.nc"]
@@ -317,9 +304,9 @@ def test_the_command_refuses(tmp_path: Path, command: Command, arguments: tuple[
     [(("2",), "figure_2"), (("3", "--operator", "inelastic"), "figure_3_inelastic"), (("3", "-o", "mine.nc"), "mine")],
     ids=["2", "inelastic", "-o"],
 )
-def test_the_command(tmp_path: Path, command: Command, arguments: tuple[str, ...], name: str) -> None:
-    done = command(*arguments, "--count", "200", "--seed", "3")
-    assert done.exit_code == 0, done.output
+def test_the_command(tmp_path: Path, figure: Command, arguments: tuple[str, ...], name: str) -> None:
+    done = figure(*arguments, "--count", "200", "--seed", "3")
+    assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines()[-1] == f"wrote {name}.nc and {name}.png"
     with xr.open_dataset(tmp_path / f"{name}.nc") as found:
         assert found["time"].values.tolist() == list(SHORT)
@@ -329,5 +316,5 @@ def test_the_command(tmp_path: Path, command: Command, arguments: tuple[str, ...
     assert (tmp_path / f"{name}.png").stat().st_size > 10_000
 
 
-def test_a_dataset_with_the_name_of_a_picture(command: Command) -> None:
-    assert command("2", "--count", "100", "-o", "figure.png").exit_code == 2
+def test_a_dataset_with_the_name_of_a_picture(figure: Command) -> None:
+    assert figure("2", "--count", "100", "-o", "figure.png").returncode == 2

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import subprocess
-import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +15,7 @@ from kinetic_solver import Scene
 from kinetic_solver.stability import critical_density, growth_rates, kinetic_rates, structure_factor
 from kinetic_solver.stability.verdict import linear_theory, verdict
 
+Command = Callable[..., subprocess.CompletedProcess[str]]
 SCENE = """
 [model]
 gravity = 1.3
@@ -37,11 +38,6 @@ budgets = false
 [particles]
 count = 10000
 """
-
-
-def cli(*arguments: str, folder: Path) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "kinetic_solver", *arguments]
-    return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=120)
 
 
 @pytest.fixture
@@ -90,8 +86,8 @@ def test_below_the_critical_density_and_without_one(scene: Scene) -> None:
     assert np.isinf(theory["critical_density"].values).all()
 
 
-def test_the_command_writes_what_it_prints(folder: Path, scene: Scene) -> None:
-    done = cli("stability", "scene.toml", "-o", "theory.nc", "--figure", folder=folder)
+def test_the_command_writes_what_it_prints(command: Command, folder: Path, scene: Scene) -> None:
+    done = command("stability", "scene.toml", "-o", "theory.nc", "--figure", folder=folder)
     assert done.returncode == 0, done.stderr
     with xr.open_dataset(folder / "theory.nc") as written:
         expected = growth_rates(scene)
@@ -100,14 +96,14 @@ def test_the_command_writes_what_it_prints(folder: Path, scene: Scene) -> None:
         assert Scene.model_validate_json(written.attrs["scene"]) == scene
     assert (folder / "theory.png").stat().st_size > 20_000
     assert len(re.findall(r"^ +\d+ +[\d.]+ ", done.stdout, re.MULTILINE)) == 8
-    again = cli("stability", "scene.toml", "-o", "theory.nc", folder=folder)
+    again = command("stability", "scene.toml", "-o", "theory.nc", folder=folder)
     assert again.returncode == 2
     assert "exists already" in again.stderr
 
 
-def test_a_run_is_measured(folder: Path, scene: Scene) -> None:
-    assert cli("run", "scene.toml", folder=folder).returncode == 0
-    done = cli("stability", "scene.nc", "-o", "measured.nc", folder=folder)
+def test_a_run_is_measured(command: Command, folder: Path, scene: Scene) -> None:
+    assert command("run", "scene.toml", folder=folder).returncode == 0
+    done = command("stability", "scene.nc", "-o", "measured.nc", folder=folder)
     assert done.returncode == 0, done.stderr
     assert "What the run did" in done.stdout
     with xr.open_dataset(folder / "measured.nc") as measured:
@@ -117,8 +113,8 @@ def test_a_run_is_measured(folder: Path, scene: Scene) -> None:
         assert float(first["closure_growth_rate"]) > 0 > float(first["growth_rate"])
 
 
-def test_figure_1(folder: Path) -> None:
-    done = cli("stability", "--figure", folder=folder)
+def test_figure_1(command: Command, folder: Path) -> None:
+    done = command("stability", "--figure", folder=folder)
     assert done.returncode == 0, done.stderr
     assert (folder / "figure_1.png").stat().st_size > 20_000
     with xr.open_dataset(folder / "figure_1.nc") as figure:
@@ -136,8 +132,8 @@ def test_figure_1(folder: Path) -> None:
         (("missing.toml",), "missing.toml: cannot be read"),
     ],
 )
-def test_refusals(folder: Path, arguments: tuple[str, ...], message: str) -> None:
-    done = cli("stability", *arguments, folder=folder)
+def test_refusals(command: Command, folder: Path, arguments: tuple[str, ...], message: str) -> None:
+    done = command("stability", *arguments, folder=folder)
     assert done.returncode == 2
     assert done.stderr.startswith("error: ")
     assert message in done.stderr

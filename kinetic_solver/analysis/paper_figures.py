@@ -7,6 +7,7 @@ Tests: tests/test_snapshots.py.
 
 from __future__ import annotations
 
+import functools
 import math
 from pathlib import Path
 
@@ -156,6 +157,7 @@ def two_populations(scene: Scene, density: Array, v: Array) -> Array:
     return w
 
 
+@functools.lru_cache(maxsize=4)
 def expected_contrast(scene: Scene, bins: int = BINS, count: int | None = None) -> float:
     """Standard deviation over `bins` of the density of N particles, over its mean: linear theory, √(Σ_m S_m sinc²(πm/bins)/N).
 

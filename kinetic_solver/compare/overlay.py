@@ -16,9 +16,10 @@ import xarray as xr
 
 from kinetic_solver.arrays import Array
 from kinetic_solver.compare.comparison import LEVEL, Comparison
+from kinetic_solver.compare.recognition import side_of
 from kinetic_solver.compare.rows import LEAST_COUNT, MEAN, Both, Row, W, of_all, over_phase_space, over_v, over_x
 from kinetic_solver.compare.shared import common_velocities, differences, listed, shared_times
-from kinetic_solver.compare.sides import Side, side_of
+from kinetic_solver.compare.sides import Side
 from kinetic_solver.compare.values import OVER_X, TOTALS, Points, Values, mean_of
 from kinetic_solver.errors import SceneError
 

@@ -68,12 +68,11 @@ def _check(scene: Scene, path: Path, method: str, overwrite: bool, resume: bool,
 
 
 def _grid(job: Job) -> list[str]:
-    from kinetic_solver.dataset import VARIABLES
     from kinetic_solver.plan import make_plan
     from kinetic_solver.solver import integrate
 
     plan = make_plan(job.scene)
-    recorder = job.recorder(plan.output, Schedule.of(job.scene, VARIABLES))
+    recorder = job.recorder(plan.output, plan.schedule)
     with recording(recorder):
         report = integrate(plan, recorder, job.progress)
     recorder.close(report=report.attributes())

@@ -18,8 +18,8 @@ from kinetic_solver.analysis.comparison_figure import comparison_figure
 from kinetic_solver.compare import Comparison, compare
 from kinetic_solver.compare.comparison import MOST_LINES
 from kinetic_solver.compare.ensembles import PARTS
+from kinetic_solver.compare.recognition import side_of
 from kinetic_solver.compare.rows import LEAST_COUNT, MEAN
-from kinetic_solver.compare.sides import side_of
 from kinetic_solver.compare.statistics import beyond
 from kinetic_solver.compare.systematic import CELLS, EXACT, STEP, contact_excess, systematic_parts
 from kinetic_solver.compare.values import OVER_X, TOTALS

@@ -159,7 +159,7 @@ def test_the_uncertainty_is_honest(restitution: float, number: float, wavenumber
             assert np.abs(other - value).min() <= 3 * error + 1e-13
 
 
-@pytest.mark.parametrize("restitution", [0.0, 0.3, 0.5, 0.7, 0.9, 0.99])
+@pytest.mark.parametrize("restitution", [0.0, 0.5, 0.9, 0.99])
 def test_no_wave_grows(restitution: float) -> None:
     """A finding, not a theorem: docs/stability.md has the larger scan of benchmarks/linear_theory.py."""
     unknown = 0
