@@ -11,6 +11,7 @@ os.environ.setdefault("NUMBA_NUM_THREADS", "2")
 import copy
 import math
 import subprocess
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -82,11 +83,14 @@ def command(monkeypatch: pytest.MonkeyPatch) -> Command:
     """
     from typer.testing import CliRunner
 
-    from kinetic_solver.cli.app import app
+    from kinetic_solver.cli.app import app, show_warning
 
     def run(*arguments: str, folder: Path) -> subprocess.CompletedProcess[str]:
         monkeypatch.chdir(folder)
-        done = CliRunner().invoke(app, arguments)
+        with warnings.catch_warnings():
+            warnings.simplefilter("default")
+            warnings.showwarning = show_warning  # as `main` has it
+            done = CliRunner().invoke(app, arguments)
         if done.exception is not None and not isinstance(done.exception, SystemExit):
             raise done.exception
         return subprocess.CompletedProcess(arguments, done.exit_code, done.stdout, done.stderr)

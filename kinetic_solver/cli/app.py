@@ -37,7 +37,7 @@ def main() -> None:
     """Entry point: errors become one line on stderr and an exit code."""
     import signal
 
-    warnings.showwarning = _show_warning  # type: ignore[assignment]
+    warnings.showwarning = show_warning  # type: ignore[assignment]
     signal.signal(signal.SIGTERM, _interrupt)
     try:
         code = typer.main.get_command(app)(standalone_mode=False)
@@ -58,7 +58,7 @@ def _interrupt(*_: Any) -> None:
     raise KeyboardInterrupt
 
 
-def _show_warning(message: Warning | str, *_: Any) -> None:
+def show_warning(message: Warning | str, *_: Any) -> None:
     print(f"warning: {message}", file=sys.stderr)
 
 

@@ -30,8 +30,3 @@ def _opened(path: str | Path) -> xr.Dataset:
     if not Path(path).is_file():
         raise SceneError(f"{path}: there is no such file")
     return open_netcdf(path)
-
-
-def whole_frames(values: Array) -> Array:
-    """Of values (time, …): in which frames there is any number, (time,). A stopped run leaves NaN in the frames to come."""
-    return np.asarray(np.isfinite(values.reshape(len(values), -1)).any(axis=1))

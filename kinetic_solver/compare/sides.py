@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import abc
 
+import numpy as np
 import xarray as xr
 
 from kinetic_solver.arrays import Array
@@ -99,3 +100,8 @@ class Side(abc.ABC):
     def unresolved_f(self, time: float) -> float:
         """The same of f."""
         return 0.0
+
+
+def whole_frames(values: Array) -> Array:
+    """Of values (time, …): in which frames there is any number, (time,). A stopped run leaves NaN in the frames to come."""
+    return np.asarray(np.isfinite(values.reshape(len(values), -1)).any(axis=1))
