@@ -1,7 +1,7 @@
 """Where a run of particles goes on after it was stopped: the state of a `Simulation` at a frame, beside the run's file.
 
 A checkpoint is written through a temporary file: there is always a whole one. Writing takes at most a twentieth of a run's time.
-Tests: tests/particles/test_checkpoint.py.
+Tests: tests/cross_validation/particles/test_checkpoint.py.
 """
 
 from __future__ import annotations

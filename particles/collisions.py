@@ -4,7 +4,7 @@ Any two particles of a cell of width Δx collide at the rate S w |v - v'|/Δx, w
 for: the quadrature of (6) and (12) over the cell. Candidate pairs are a Poisson process of the majorant rate, in which
 |v - v'| is replaced by the range of velocities in the cell, and are accepted with probability |v - v'|/range. Neither operator
 widens that range, so the majorant holds all through the step: no bias, at any length of step.
-Tests: tests/particles/test_collisions.py.
+Tests: tests/cross_validation/particles/test_collisions.py.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 Cells are of equal width. The order within a cell is that of arrival, and blocks of particles are counted apart and fixed in
 number, so that the order after a sort does not depend on threads. Nothing is allocated after the ensemble is built: 36 bytes a
 particle, and 8 a cell and block.
-Tests: tests/particles/test_ensemble.py.
+Tests: tests/cross_validation/particles/test_ensemble.py.
 """
 
 from __future__ import annotations

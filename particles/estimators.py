@@ -9,7 +9,7 @@ u, θ and q are nonlinear, and are made from the moments of all replicas togethe
 particles of R replicas in a share L/(2M + 1) of the pipe, half the shortest wavelength, their bias is O(1/n):
 E[θ̂] = θ(1 - 1/n), as of n particles about their own mean; none of û where u does not depend on x. Standard errors are O(1/√n),
 √n times as large.
-Tests: tests/particles/test_estimators.py.
+Tests: tests/cross_validation/particles/test_estimators.py.
 """
 
 from __future__ import annotations

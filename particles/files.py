@@ -3,7 +3,7 @@
 A file has positions `position` or `x` and velocities `velocity` or `v`, over (particle), (replica, particle), or either of them
 with a time. A dimension called time… is the time, one called replica… the replicas; the particles' may have any name. Files
 written with `output.particles` are such files.
-Tests: tests/particles/test_files.py.
+Tests: tests/cross_validation/particles/test_files.py.
 """
 
 from __future__ import annotations

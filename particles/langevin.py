@@ -3,7 +3,7 @@
 x and v after h are jointly Gaussian (G. E. Uhlenbeck and L. S. Ornstein 1930; S. Chandrasekhar 1943). With e = exp(-γh), m = g/γ:
 means x + mh + (v - m)(1 - e)/γ and m + (v - m)e; variance of v σ(1 - e²); of x given v (2σ/γ²)(γh - 2 tanh(γh/2));
 x's mean moves by (1/γ) tanh(γh/2) times v's noise. γ = 0 is free fall, σ = 0 friction alone.
-Tests: tests/particles/test_langevin.py.
+Tests: tests/cross_validation/particles/test_langevin.py.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 A number is a function of a key (seed, replica) and a counter (what it is for, which particle or cell, which step, which draw):
 nothing is carried from one to the next. Philox4x32-10 (J. K. Salmon, M. A. Moraes, R. O. Dror and D. E. Shaw 2011) makes 128
 random bits of each counter; a normal deviate takes 64 of them by the ziggurat method (G. Marsaglia and W. W. Tsang 2000).
-Tests: tests/particles/test_random.py, against the published known answers and the distributions' moments.
+Tests: tests/cross_validation/particles/test_random.py, against the published known answers and the distributions' moments.
 """
 
 from __future__ import annotations

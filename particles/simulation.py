@@ -39,7 +39,7 @@ class Simulation:
     Half a Langevin step, collisions, half a Langevin step: second order in the step; between collisions the two halves are one.
     Single files have steps of their own (`SingleFile`). Without collisions exact over any time. The number of particles is exact,
     momentum of (12)'s collisions to round-off.
-    Tests: tests/particles/test_simulation.py.
+    Tests: tests/cross_validation/particles/test_simulation.py.
     """
 
     def __init__(self, plan: ParticlePlan, state: dict[str, Any] | None = None) -> None:

@@ -15,7 +15,7 @@ without that with probability (1 - 0.53 P)(t/h)^-θ, θ = 1/4 - (3/2π) arcsin((
 plateau where `sticking` is small. (12) with ε > 0 multiplies Δv instead; at P = 1 it has the limit for ε > exp(-π/√3) = 0.163
 (S. J. Cornell, M. R. Swift and A. J. Bray 1998).
 
-Tests: tests/particles/test_single_file.py.
+Tests: tests/cross_validation/particles/test_single_file.py.
 """
 
 from __future__ import annotations

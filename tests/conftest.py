@@ -96,3 +96,26 @@ def command(monkeypatch: pytest.MonkeyPatch) -> Command:
         return subprocess.CompletedProcess(arguments, done.exit_code, done.stdout, done.stderr)
 
     return run
+
+
+@pytest.fixture
+def draw(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[..., Any]:
+    """draw(save, …): the figure that a save function wrote; the file is a PNG with more than empty axes in it."""
+    from matplotlib.figure import Figure
+
+    written: list[Figure] = []
+    write = Figure.savefig
+
+    def record(figure: Figure, *arguments: Any, **options: Any) -> None:
+        written.append(figure)
+        write(figure, *arguments, **options)
+
+    def draw(save: Callable[..., None], *arguments: Any) -> Figure:
+        path = tmp_path / "picture.png"
+        save(*arguments, path)
+        assert path.read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
+        assert path.stat().st_size > 20_000
+        return written[-1]
+
+    monkeypatch.setattr(Figure, "savefig", record)
+    return draw

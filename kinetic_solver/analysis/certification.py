@@ -42,7 +42,7 @@ def certify(scene: Scene, run: xr.Dataset, say: Callable[[str], None] = lambda t
       coarsening leaves the error below 1.5 times what it was: another direction limits it, or (t of exact steps) nothing does;
       infinite where the coarsened run stops.
 
-    Test: tests/test_certification.py.
+    Test: tests/convergence/test_certification.py.
     """
     import xarray as xr
 

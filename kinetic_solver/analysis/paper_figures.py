@@ -2,7 +2,7 @@
 
 The paper gives times of 0, 3 and 500 s and no parameters: times are read as multiples of 1/γ, and R* = 0.5 and 4 are chosen on
 both sides of the closure's limit 7√3/9 = 1.347. What the pictures show, and why: docs/clusters.md.
-Tests: tests/test_snapshots.py.
+Tests: tests/paper/test_figs_2_3.py.
 """
 
 from __future__ import annotations

@@ -65,7 +65,7 @@ def _stability(scene: Scene, run: Path | None, output: Path | None, overwrite: b
         from kinetic_solver.analysis.measured_rates import measured_lines, measured_rates
 
         with open_run(run) as dataset:
-            theory = theory.merge(measured_rates(dataset), compat="override", combine_attrs="override")
+            theory = theory.merge(measured_rates(dataset), join="outer", compat="override", combine_attrs="override")
         sections.append(("What the run did", measured_lines(theory)))
     for title, lines in sections:
         print(f"\n{title}")

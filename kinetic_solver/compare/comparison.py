@@ -6,7 +6,8 @@ and variance of all velocities are fields of one point. The p of a field is the 
 the comparison the least of all times their number (Bonferroni), where means over frames and single times have half of the level
 each: whatever is correlated with what, datasets of the same scene are said to differ at most at the rate `level`. Where neither
 has chance in it, they differ if a point does by more than the bound.
-Tests: tests/compare/test_compare.py; the rate at which right scenes pass and errors of 1 % are found: docs/compare.md.
+Tests: tests/cross_validation/compare/. The rate at which right scenes pass and errors of 1 % are found:
+docs/compare.md.
 """
 
 from __future__ import annotations

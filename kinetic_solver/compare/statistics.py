@@ -3,7 +3,7 @@
 Means over R replicas are Gaussian, for ensembles of more than a few particles, with a covariance that has to be estimated from
 the same replicas: so Hotelling's T² (1931) for a few statistics at a time, and Student's t for the largest of many. A systematic
 part that is only known to lie within a bound is chosen within it so that the difference is least: p is then an upper bound.
-Tests: tests/compare/test_statistics.py.
+Tests: tests/cross_validation/compare/test_statistics.py.
 """
 
 from __future__ import annotations

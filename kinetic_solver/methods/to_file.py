@@ -42,7 +42,7 @@ def run_to_file(
 
     Raises SceneError where the scene or an argument is wrong, OutputExistsError where the file exists and neither `overwrite` nor
     `resume` is said, SolverStopped where a run cannot go on, RunUnfinished where `max_walltime` is over.
-    Tests: tests/test_run_to_file.py.
+    Tests: tests/interface/test_run_to_file.py.
     """
     path = Path(path)
     _check(scene, path, method, overwrite, resume, max_walltime)

@@ -55,7 +55,7 @@ EXTRAPOLATED_STRANG_STEP = (0.15, 1e-4, 1 / 8)
 """(a, r, p): error control with (6) takes steps of about a/rate·min(1, rtol/r)^p, p from order 8. benchmarks/time_steppers.py."""
 BUDGET_STEP = 0.25
 """Longest step times (γ + Sρ√θ) at which the quintic spline of the budgets is good to about 1e-6 of what the terms bring.
-tests/test_solver.py (residuals)."""
+tests/invariants/test_solver.py (residuals)."""
 LEAST_RTOL_OF_A_STEP = 5e-5
 """Below it a density step with collisions is not resolved: errors fall as 1/nx² only. benchmarks/accuracy_rules.py, R* = 2."""
 

@@ -14,6 +14,7 @@ import numpy as np
 from kinetic_solver import initial
 from kinetic_solver.arrays import Array
 from kinetic_solver.errors import SceneError
+from kinetic_solver.operators.fourier import relative_amplitudes
 from kinetic_solver.plan.measured import LEAST_RTOL_OF_A_STEP
 from kinetic_solver.plan.scales import Scales
 from kinetic_solver.scene import FOLLOW_LEADER, Model
@@ -149,8 +150,7 @@ class Waves:
         else:
             f = (weight * s.density)[:, None] / np.sqrt(s.temperature[:, None])
             f = f * np.exp(-((v - s.mean_velocity[:, None]) ** 2) / (2 * s.temperature[:, None]))
-        amplitude = np.abs(np.fft.rfft(f, axis=0)).max(axis=1)
-        return np.asarray(amplitude / amplitude.max())
+        return relative_amplitudes(f)
 
 
 def mixing(model: Model, k: Array, digits: Array, theta: float, left: float) -> float:

@@ -3,7 +3,7 @@
 Every group of `[output]` has its own times: 0, every multiple of its cadence, and the end of the run. A run stops at all of
 them, merged. Two cadences may ask for times that differ by rounding, or by digits that nobody means (0.1 and 0.100000005):
 times within `SAME_TIME` of the shortest cadence are one, the first of them.
-Tests: tests/test_schedule.py.
+Tests: tests/interface/test_schedule.py.
 """
 
 from __future__ import annotations

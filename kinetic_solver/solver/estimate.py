@@ -9,6 +9,7 @@ import numpy as np
 from kinetic_solver.arrays import Array
 from kinetic_solver.operators.collisions import Inelastic
 from kinetic_solver.operators.collisions.inelastic import POINTS
+from kinetic_solver.operators.fourier import relative_amplitudes
 from kinetic_solver.plan import Plan, in_t, in_v, measured
 from kinetic_solver.solver.observation import Observation
 from kinetic_solver.solver.regrid import resize
@@ -77,16 +78,14 @@ def _of_x(seen: Observation, diagnostics: dict[str, float]) -> float:
     if seen.plan.inner.operator is None:
         if seen.plan.inner.initial.step is None:
             return 0.0  # waves do not couple, and those of the start are all there
-        amplitude = np.abs(np.fft.rfft(seen.f, axis=0)).max(axis=1)
-        return float(amplitude[-1] / amplitude.max())
+        return float(relative_amplitudes(seen.f)[-1])
     return max(diagnostics["spectral_tail"], diagnostics["density_defect"])
 
 
 def _of_v(seen: Observation) -> float:
     plan = seen.plan
     if plan.velocity == "hermite":
-        size = np.abs(seen.state).max(axis=0)
-        return float(size[-2:].max() / size.max())
+        return last_functions(seen)
     error = shortest_waves(seen.f)
     if plan.drift_diffusion != "kernel":
         order = measured.FINITE_VOLUME_ERROR[plan.drift_diffusion][1]
@@ -98,8 +97,14 @@ def _of_v(seen: Observation) -> float:
 
 def shortest_waves(f: Array, share: float = 0.0) -> float:
     """The amplitude of the shortest waves in v, this share of them but at least two, over the largest of all."""
-    amplitude = np.abs(np.fft.rfft(f, axis=1)).max(axis=0)
-    return float(amplitude[-max(2, int(share * amplitude.size)) :].max() / amplitude.max())
+    amplitude = relative_amplitudes(f, axis=1)
+    return float(amplitude[-max(2, int(share * amplitude.size)) :].max())
+
+
+def last_functions(seen: Observation) -> float:
+    """The largest of the last two Hermite coefficients over the largest of all."""
+    size = np.abs(seen.state).max(axis=0)
+    return float(size[-2:].max() / size.max())
 
 
 def deposit_error(seen: Observation, time: float) -> float:
@@ -134,6 +139,5 @@ def enough_velocities(seen: Observation) -> int:
         return nv
     error = deposit_error(seen, plan.inner.run.end_time)
     by_deposit = nv * (error / (ENOUGH_FOR_RATE * rtol)) ** (1 / POINTS[plan.deposit]) if error > 0 else 0.0
-    amplitude = np.abs(np.fft.rfft(f, axis=1)).max(axis=0)
-    waves = int(np.flatnonzero(amplitude > rtol / ENOUGH_FOR_WAVES * amplitude.max())[-1])
+    waves = int(np.flatnonzero(relative_amplitudes(f, axis=1) > rtol / ENOUGH_FOR_WAVES)[-1])
     return min(nv, max(math.ceil(by_deposit), 2 * waves + 4))

@@ -11,10 +11,11 @@ import numpy as np
 
 from kinetic_solver.arrays import Array
 from kinetic_solver.errors import SolverStopped
+from kinetic_solver.operators.fourier import relative_amplitudes
 from kinetic_solver.operators.moments import moments
 from kinetic_solver.plan import Plan
 from kinetic_solver.scene import FOLLOW_LEADER, Scene
-from kinetic_solver.solver.estimate import deposit_error, shortest_waves
+from kinetic_solver.solver.estimate import deposit_error, last_functions, shortest_waves
 from kinetic_solver.solver.observation import Observation
 from kinetic_solver.theory.ornstein_uhlenbeck import transition
 
@@ -187,11 +188,9 @@ class Monitor:
 def _too_coarse(seen: Observation) -> Problem | None:
     """Whether the Hermite functions are enough, or dv is fine enough, where it is rtol's to choose."""
     plan, rtol = seen.plan, seen.plan.inner.accuracy.rtol
-    if plan.velocity == "hermite" and free(plan, "nv"):
-        size = np.abs(seen.state).max(axis=0)
-        if (tail := float(size[-2:].max() / size.max())) > LAST_FUNCTIONS * rtol:
-            text = f"the last Hermite functions carry {tail:.2g} of f; raise grid.nv (accuracy.rtol = {rtol:g})"
-            return Problem("nv", tail, _when(seen), text)
+    if plan.velocity == "hermite" and free(plan, "nv") and (tail := last_functions(seen)) > LAST_FUNCTIONS * rtol:
+        text = f"the last Hermite functions carry {tail:.2g} of f; raise grid.nv (accuracy.rtol = {rtol:g})"
+        return Problem("nv", tail, _when(seen), text)
     if free(plan, "low"):  # an edge that cuts f, as a given window's may, has short waves of its own
         folding = folds(plan)
         error = shortest_waves(seen.f, HIGHEST_WAVES if folding else 0.0) / OVERRATED["waves"]
@@ -240,6 +239,5 @@ def spectral_tail(seen: Observation) -> float:
     """The largest |f_k(v)| in the highest eighth of wavenumbers over the largest of all; 0 where modes do not couple."""
     if seen.grid.nx < 3 or seen.plan.inner.operator is None:
         return 0.0
-    amplitude = np.abs(np.fft.rfft(seen.f, axis=0)).max(axis=1)
-    first = len(amplitude) - max(1, len(amplitude) // 8)
-    return float(amplitude[first:].max() / amplitude.max())
+    amplitude = relative_amplitudes(seen.f)
+    return float(amplitude[amplitude.size - max(1, amplitude.size // 8) :].max())

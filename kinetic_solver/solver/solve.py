@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from kinetic_solver.dataset import MemoryRecorder, Recorder
-from kinetic_solver.errors import SolverStopped
+from kinetic_solver.dataset import MemoryRecorder, Recorder, recording
 from kinetic_solver.plan import Plan, make_plan
 from kinetic_solver.scene import Scene
 from kinetic_solver.solver.loop import March, Progress
@@ -25,12 +24,8 @@ def solve(scene: Scene, progress: Progress | None = None) -> xr.Dataset:
     """
     plan = make_plan(scene)
     recorder = MemoryRecorder(plan.output, scene, plan.schedule)
-    try:
+    with recording(recorder):
         report = integrate(plan, recorder, progress)
-    except SolverStopped as stop:
-        recorder.close(stopped=str(stop))
-        stop.dataset = recorder.dataset()
-        raise
     recorder.close(report=report.attributes())
     return recorder.dataset()
 

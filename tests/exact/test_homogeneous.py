@@ -5,10 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
+import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from kinetic_solver import solve
 from kinetic_solver.initial import start_state
+from kinetic_solver.operators.collisions import Inelastic
 from kinetic_solver.scene import Scene
 from kinetic_solver.stability.homogeneous import homogeneous_state
 
@@ -95,3 +98,57 @@ def test_the_grid_solver_relaxes_to_it(make_scene: MakeScene, restitution: float
     kurtosis = w @ (v - mean) ** 4 / w.sum() / (3 * variance**2) - 1
     assert variance == pytest.approx(theta, abs=1e-7)
     assert kurtosis == pytest.approx(a2, abs=1e-7)
+
+
+def pairs_of_cells(restitution: float, collision_number: float) -> tuple[float, float, float]:
+    """A slow twin that shares nothing with stability's: (θ, a2, ⟨|v - v'|⟩) of 0 = ∂(vf + ∂f) + R* C[f], γ = σ = S = ρ = 1.
+
+    Velocity points in a periodic window, derivatives by the discrete Fourier transform, C with the solver's quintic deposit, by
+    Newton's method.
+    """
+    c = collision_number * (1 - restitution**2) / math.sqrt(math.pi)
+    guess = brentq(lambda theta: theta - 1 + c * theta**1.5, 0.0, 1.0)
+    reach = max(math.sqrt(72 * guess), math.sqrt(collision_number**2 + 72) - collision_number)
+    nv = 2 * math.ceil(reach / math.sqrt(guess) * 14)
+    dv = 2 * reach / nv
+    v = dv * (np.arange(nv) + 0.5) - reach
+    operator = Inelastic(v, collision_number, restitution, "quintic")
+    k = 2 * np.pi * np.fft.rfftfreq(nv, dv)
+    k[-1] = 0.0
+    derivative = np.fft.irfft(1j * k[:, None] * np.fft.rfft(np.eye(nv), axis=0), n=nv, axis=0)
+    linear = derivative @ (np.diag(v) + derivative)
+    f = np.exp(-(v**2) / (2 * guess)) / math.sqrt(2 * math.pi * guess)
+    step = f
+    while np.abs(step).max() > 1e-12 * f.max():
+        residual = linear @ f + operator.rate(f[None])[0]
+        # C is quadratic: [C(f + e) - C(f - e)]/2 is its exact derivative along e.
+        jacobian = linear + (operator.rate(f + np.eye(nv)) - operator.rate(f - np.eye(nv))).T / 2
+        # The equations sum to zero (mass); ∫f = 1 takes their place, added to each so that the matrix stays regular.
+        step = np.linalg.solve(jacobian + dv, -residual + (1 - f.sum() * dv))
+        f = f + step
+    theta = float(v**2 @ f) * dv
+    distance = float(f @ np.abs(v[:, None] - v[None, :]) @ f) * dv**2 + dv**2 / 6 * float(f @ f) * dv
+    return theta, float(v**4 @ f) * dv / (3 * theta**2) - 1, distance
+
+
+@pytest.mark.parametrize(("restitution", "number"), [(0.0, 0.3), (0.5, 10.0), (0.9, 100.0), (0.5, 1e-3)])
+def test_states_of_operator_12_by_two_schemes(make_scene: MakeScene, restitution: float, number: float) -> None:
+    """θ_h to 1e-9, a2 to 1e-8, the rate to the 1e-7 of cells: the linear theory's Fourier-Galerkin method, and pairs of cells."""
+    state = homogeneous_state(make_scene(**inelastic(restitution, number)))
+    theta, a2, distance = pairs_of_cells(restitution, number)
+    assert state is not None
+    assert state.temperature == pytest.approx(theta, rel=1e-9)
+    assert state.kurtosis_excess == pytest.approx(a2, abs=1e-8)
+    assert state.collision_rate == pytest.approx(number * distance, rel=1e-7)
+
+
+@pytest.mark.parametrize(("restitution", "number"), [(0.5, 1e-6), (0.99, 1e-4), (0.0, 1e5)])
+def test_states_of_weak_and_of_strong_collisions(make_scene: MakeScene, restitution: float, number: float) -> None:
+    """R* from 1e-6 to 1e5: at the one end the Maxwellian of variance σ, with Haff's correction; at the other white noise."""
+    state = homogeneous_state(make_scene(**inelastic(restitution, number)))
+    assert state is not None
+    cooling = number * (1 - restitution**2) / math.sqrt(math.pi)
+    if number < 1:
+        assert state.temperature == pytest.approx(1 - cooling, abs=10 * cooling**2 + 1e-9)
+    else:  # θ³ᐟ² R*(1 - ε²) → a constant of order √π
+        assert 0.9 < state.temperature**1.5 * cooling < 1.1

@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from kinetic_solver.scene import Scene
-from kinetic_solver.stability import closure_rates, critical_collision_number, critical_density, figure_1
+from kinetic_solver.stability import closure_rates, critical_collision_number, critical_density
 
 MakeScene = Callable[..., Scene]
 
@@ -263,16 +263,6 @@ def test_many_moments_at_finite_wavelength() -> None:
     assert critical_collision_number(1.0, 64) == pytest.approx(24.5953447337, rel=1e-6)
     with pytest.raises(ValueError, match=r"moments = 128: at k\* = 1 double precision"):
         critical_collision_number(1.0, 128)
-
-
-def test_figure_1() -> None:
-    """Falls with n to the paper's 12000, and its modes are those of the pipe."""
-    figure = figure_1(length=5.0, modes=[1, 2, 10, 200])
-    rho = figure["critical_density"].values
-    assert (np.diff(rho) < 0).all()
-    assert rho[-1] == pytest.approx(12_000, rel=1e-4)
-    expected = critical_collision_number(2 * math.pi * 2 / 5.0)
-    assert float(figure["critical_collision_number"].sel(mode=2)) == pytest.approx(expected)
 
 
 def test_arguments_out_of_range(make_scene: MakeScene) -> None:

@@ -12,35 +12,13 @@ import pytest
 from matplotlib.figure import Figure
 
 from kinetic_solver import Scene, SceneError
-from kinetic_solver.analysis.figure_1 import save_figure_1
 from kinetic_solver.analysis.stability_examples import save_growth, save_moments, save_structure_factors
 from kinetic_solver.analysis.stability_figure import save_scene_figure
-from kinetic_solver.stability import critical_density, density_gain, figure_1, growth_rates, structure_factor
+from kinetic_solver.stability import critical_density, density_gain, growth_rates, structure_factor
 
 MakeScene, Draw = Callable[..., Scene], Callable[..., Figure]
 LEADER = {"operator": "follow-the-leader", "cross_section": 2.3}
 INELASTIC = {"operator": "inelastic", "cross_section": 3.1, "restitution": 0.6}
-
-
-@pytest.fixture
-def draw(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[..., Figure]:
-    """draw(save, …): the figure that a save function wrote; the file is a PNG with more than empty axes in it."""
-    written: list[Figure] = []
-    write = Figure.savefig
-
-    def record(figure: Figure, *arguments: Any, **options: Any) -> None:
-        written.append(figure)
-        write(figure, *arguments, **options)
-
-    def draw(save: Callable[..., None], *arguments: Any) -> Figure:
-        path = tmp_path / "picture.png"
-        save(*arguments, path)
-        assert path.read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
-        assert path.stat().st_size > 20_000
-        return written[-1]
-
-    monkeypatch.setattr(Figure, "savefig", record)
-    return draw
 
 
 def dots(axes: Any, n: int = 0) -> np.ndarray:
@@ -73,19 +51,6 @@ def test_noise_beyond_linear_theory_is_shown_as_such(make_scene: MakeScene, draw
     assert "S = N, where linear theory ends" in noise.get_legend_handles_labels()[1]
     noise = draw(save_scene_figure, make_scene(collisions=LEADER | {"cross_section": 70.0})).axes[2]
     assert [text.get_text() for text in noise.texts] == ["S(k) > $10^{308}$ where not drawn"]
-
-
-def test_the_papers_figure(draw: Draw) -> None:
-    """ρ_c falls towards 12000; the right axis is R*_c, 7√3/9 there; L* and S's units are in the picture."""
-    figure = draw(save_figure_1, figure_1(length=13.0, modes=range(1, 21)))
-    (axes,) = figure.axes
-    drawn = dots(axes)
-    assert (np.diff(drawn) < 0).all()
-    assert drawn[-1] == pytest.approx(12_000, rel=2e-3)
-    (right,) = axes.child_axes
-    assert right.get_ylim()[1] / axes.get_ylim()[1] == pytest.approx(7 * math.sqrt(3) / 9 / 12_000, rel=1e-9)
-    caption = figure.get_supxlabel()
-    assert all(part in caption for part in ("linearly stable at every density", "L* = 13", "γ/(12000 √σ)"))
 
 
 def test_moments(draw: Draw) -> None:

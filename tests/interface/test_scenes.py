@@ -10,7 +10,7 @@ from kinetic_solver import Scene, SolverStopped, exact, solve
 from kinetic_solver.analysis.describe import describe
 from kinetic_solver.scene import INELASTIC
 
-FOLDER = Path(__file__).parents[1] / "scenes"
+FOLDER = Path(__file__).parents[2] / "scenes"
 NAMES = sorted(path.stem for path in FOLDER.glob("*.toml"))
 
 
