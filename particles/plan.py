@@ -13,12 +13,14 @@ from kinetic_solver.arrays import Array
 from kinetic_solver.errors import SceneError
 from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.initial import start_state
+from kinetic_solver.laws import CollisionLaw, PairLaw, check_pairs
 from kinetic_solver.machine import too_large
-from kinetic_solver.scene import FOLLOW_LEADER, Scene, Schedule
+from kinetic_solver.scene import Scene, Schedule
 from particles import ensemble, single_file
 from particles.estimators import memory_of_samples
 from particles.files import count_of, start_from_file
 from particles.records import GROUPS, written_bytes
+from particles.specialised import check_compiles
 
 LEAST_IN_CELL = 20
 MOST_STEPS = 2**32
@@ -32,6 +34,8 @@ class ParticlePlan:
     """What a run will use: cells and step for collisions, points for the output."""
 
     scene: Scene
+    law: PairLaw | None
+    """What collisions do: the scene's, or one that was brought along; None where they do nothing."""
     grid: PhaseSpaceGrid
     """The points of the output; the particles know none."""
     cells: int
@@ -65,7 +69,7 @@ class ParticlePlan:
 
     @property
     def single_file(self) -> bool:
-        return self.scene.operator is not None and self.scene.particles.collisions == "single-file"
+        return self.law is not None and self.scene.particles.collisions == "single-file"
 
     @property
     def weight(self) -> float:
@@ -75,7 +79,15 @@ class ParticlePlan:
     @property
     def probability(self) -> float:
         """S_C w: of a collision at an overtaking."""
-        return self.scene.cross_section * self.weight
+        return 0.0 if self.law is None else self.law.cross_section * self.weight
+
+    @property
+    def sticks(self) -> bool:
+        """True where a pair has no relative velocity after a collision."""
+        if self.law is None:
+            return False
+        behind, ahead = self.law.after(1.0, *self.law.numbers)
+        return behind == ahead
 
     @property
     def memory(self) -> int:
@@ -97,14 +109,16 @@ class _Scales:
     path: float
 
 
-def make_plan(scene: Scene) -> ParticlePlan:
+def make_plan(scene: Scene, operator: CollisionLaw | None = None) -> ParticlePlan:
     """Cells no wider than a quarter of the mean free path, of the thermal free path and of 1/k of the start's shortest wave, but
     for `LEAST_IN_CELL` particles in each; steps in which friction, collisions and flight over 1/k each do a tenth of what they do
     in all, where the start is densest and for the largest differences of velocity in it. What `[particles]` gives is kept.
     Errors: docs/particles.md.
 
+    `operator` stands in for [collisions], which the scene must not have then.
     Raises SceneError where the scene asks for what the particles do not do or this machine cannot hold.
     """
+    law = scene.law if operator is None else _pair_law(scene, operator)
     if scene.initial.file is not None:
         scene = _of_the_file(scene)
     given, length = scene.particles, scene.pipe.length
@@ -112,24 +126,35 @@ def make_plan(scene: Scene) -> ParticlePlan:
         raise SceneError("initial.eigenmodes: the particles start from a Maxwellian or a file of particles; remove it")
     if not any((scene.output.f, scene.output.moments, scene.output.scalars, scene.output.particles)):
         raise SceneError("output: f, moments, scalars and particles are all false; nothing would be written")
-    scales = _scales(scene)
-    in_file = scene.operator is not None and given.collisions == "single-file"
+    scales = _scales(scene, law)
+    in_file = law is not None and given.collisions == "single-file"
     if in_file and given.cells:
         raise SceneError("particles.cells: single-file collisions have no cells; remove it")
     wanted = min(math.ceil(min(4 * length / scales.shortest, 1e18)), given.count // LEAST_IN_CELL)
     cells = 1 if in_file else given.cells or max(1, wanted)
-    step = (given.time_step or 0.1 / scales.fastest) if scene.operator else math.inf
-    grid = PhaseSpaceGrid(scene.grid.nx or 65, scene.grid.nv or 64, length, *(scene.grid.velocity_window or _window(scene)))
+    step = (given.time_step or 0.1 / scales.fastest) if law else math.inf
+    grid = PhaseSpaceGrid(scene.grid.nx or 65, scene.grid.nv or 64, length, *(scene.grid.velocity_window or _window(scene, law)))
     width = 0.0 if in_file else length / cells / scales.shortest
-    plan = ParticlePlan(scene, grid, cells, step, scales.path, scales.fastest, width)
+    plan = ParticlePlan(scene, law, grid, cells, step, scales.path, scales.fastest, width)
     _check(plan)
     return plan
+
+
+def _pair_law(scene: Scene, operator: CollisionLaw) -> PairLaw:
+    """The law, if it is one for particles. Raises SceneError."""
+    if scene.collisions is not None:
+        raise SceneError(f"collisions: the scene has a table, and operator = {operator.label} is given; allowed: one of them")
+    if not isinstance(operator, PairLaw):
+        raise SceneError(f"operator {operator.label}: says nothing of pairs; particles need a PairLaw")
+    check_pairs(operator, math.sqrt(start_state(scene)[1]))
+    check_compiles(operator)
+    return operator
 
 
 def _check(plan: ParticlePlan) -> None:
     scene, given = plan.scene, plan.scene.particles
     if plan.single_file and plan.probability > 1:
-        least = math.ceil(scene.cross_section * scene.initial.density * scene.pipe.length)
+        least = math.ceil(plan.probability * given.count)
         raise SceneError(
             f"particles.count = {given.count}: an overtaking would be a collision with the probability S_C·w = "
             f"{plan.probability:.4g}; allowed: up to 1; raise particles.count to {least} or more"
@@ -173,7 +198,7 @@ def _start(scene: Scene) -> tuple[Array, Array, Array]:
     return initial.density(scene, x), initial.mean_velocity(scene, x, u0), initial.temperature(scene, x, theta0)
 
 
-def _scales(scene: Scene) -> _Scales:
+def _scales(scene: Scene, law: PairLaw | None) -> _Scales:
     start, model, length = scene.initial, scene.model, scene.pipe.length
     density, u, theta = _start(scene)
     hottest = math.sqrt(max(theta.max(), model.noise))
@@ -183,20 +208,21 @@ def _scales(scene: Scene) -> _Scales:
     if start.step is not None:
         width = start.step.end - start.step.start
         waves += [length * part / (2 * math.pi) for part in (width, 1 - width) if part > 0]
-    rate = scene.cross_section * float(density.max()) if scene.operator else 0.0
+    rate = law.cross_section * float(density.max()) if law is not None else 0.0
     path = 1 / rate if rate else math.inf
     thermal = hottest / model.friction if model.friction else math.inf
     return _Scales(max(model.friction, 2 * rate * spread, spread / min(waves)), min(path, thermal, *waves), path)
 
 
-def _window(scene: Scene) -> tuple[float, float]:
+def _window(scene: Scene, law: PairLaw | None) -> tuple[float, float]:
     """Six standard deviations about the mean velocities of the start, and of the homogeneous states of the densities in it as far
     as these are approached until the end. Raises SceneError where all velocities are the same to double precision."""
     model, end = scene.model, scene.run.end_time
     density, u, theta = _start(scene)
     means = [float(u.min()), float(u.max())]
     if model.friction > 0:
-        drag = scene.cross_section * float(density.max()) * model.noise if scene.operator == FOLLOW_LEADER else 0.0
+        drags = law is not None and "momentum" not in law.conserves  # at most as follow the leader does
+        drag = law.cross_section * float(density.max()) * model.noise if law is not None and drags else 0.0
         approached = -math.expm1(-model.friction * end)
         for force in (model.gravity, model.gravity - drag):
             means += [m + (force / model.friction - m) * approached for m in means[:2]]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 
-from kinetic_solver.scene import INELASTIC
 from particles.plan import ParticlePlan
 from particles.single_file import sticking
 
@@ -28,7 +27,7 @@ def report(plan: ParticlePlan) -> dict[str, str]:
     said["overtakings"] = f"collisions with the probability S_C·w = {plan.probability:.4g}"
     stuck = sticking(plan.probability, plan.scene.model.friction * plan.longest_step)
     model = plan.scene.model
-    if model.friction * model.noise > 0 and (plan.scene.operator != INELASTIC or plan.scene.restitution == 0):
+    if model.friction * model.noise > 0 and plan.sticks:
         said["overtakings"] += f"; {stuck:.2g} of the pairs that collide do so again before they part"
         if stuck > STICKING:
             said["warning"] = (
@@ -42,7 +41,7 @@ def rows(plan: ParticlePlan) -> list[tuple[str, str]]:
     """What `describe` says of the run."""
     particles, said = plan.scene.particles, report(plan)
     result = [("particles", f"{particles.count} in each of {particles.replicas} replicas; {said['weight']}")]
-    if plan.scene.operator is not None:
+    if plan.law is not None:
         result += [(label, said[label]) for label in ("cells", "overtakings") if label in said]
     result += [("time step", said["time_step"]), ("memory", f"{plan.memory / 2**20:.3g} MiB")]
     return result + [(label, text) for label, text in said.items() if label == "warning"]

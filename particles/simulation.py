@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 
 from kinetic_solver import initial
 from kinetic_solver.arrays import Array
-from kinetic_solver.dataset import MemoryRecorder, Recorder, recording
+from kinetic_solver.dataset import MemoryRecorder, Recorder, law_attribute, recording
 from kinetic_solver.initial import start_state
-from kinetic_solver.scene import INELASTIC, Scene
-from particles.collisions import FOLLOW, collide
+from kinetic_solver.laws import CollisionLaw, PairLaw
+from kinetic_solver.scene import Scene
+from particles.collisions import collide
 from particles.ensemble import Ensemble
 from particles.estimators import Sampler, density_modes, fields
 from particles.files import start_from_file
@@ -56,13 +57,12 @@ class Simulation:
         self._keys = [key(scene.particles.seed, replica) for replica in range(scene.particles.replicas)]
         self.weight = plan.weight
         start = self._start() if state is None else zip(state["x"].copy(), state["v"].copy(), strict=True)
-        self._kind = scene.restitution if scene.operator == INELASTIC else FOLLOW
         self.ensembles: list[Ensemble] = []
         self.files: list[SingleFile] = []
         """Instead of ensembles, where collisions are those of single files."""
         for x, v in start:
             if plan.single_file:
-                self.files.append(SingleFile(x, v, scene.pipe.length, plan.probability, self._kind))
+                self.files.append(SingleFile(x, v, scene.pipe.length, plan.probability, _needed(plan)))
             else:
                 self.ensembles.append(Ensemble(x, v, scene.pipe.length, plan.cells))
         if state is not None:
@@ -102,7 +102,7 @@ class Simulation:
         if interval <= 0:
             return
         with threads_for(scene.particles.count):
-            if scene.operator is None:
+            if self.plan.law is None:
                 self._fly(interval)
             elif self.plan.single_file:
                 self._overtake_to(interval)
@@ -132,13 +132,14 @@ class Simulation:
         steps = self._steps(interval)
         h = interval / steps
         half, whole = LangevinStep.over(scene.model, h / 2), LangevinStep.over(scene.model, h)
-        rate = scene.cross_section * self.weight * h / plan.cell_width
+        law = _needed(plan)
+        rate = law.cross_section * self.weight * h / plan.cell_width
         for ensemble, k in zip(self.ensembles, self._keys, strict=True):
             number = self.number
             ensemble.advance_and_sort(half, number, k)
             for n in range(1, steps + 1):
                 number += 1
-                collide(ensemble.v, ensemble.starts, rate, self._kind, number, k, self._tally)
+                collide(ensemble.v, ensemble.starts, rate, law, number, k, self._tally)
                 self.candidates += int(self._tally[:, 0].sum())
                 self.collisions += int(self._tally[:, 1].sum())
                 ensemble.advance_and_sort(whole if n < steps else half, number, k)
@@ -161,15 +162,20 @@ class Simulation:
         }
 
 
-def simulate(scene: Scene, progress: Progress | None = None) -> xr.Dataset:
+def _needed(plan: ParticlePlan) -> PairLaw:
+    assert plan.law is not None
+    return plan.law
+
+
+def simulate(scene: Scene, progress: Progress | None = None, operator: CollisionLaw | None = None) -> xr.Dataset:
     """Run the scene's particles and return its Dataset (docs/output.md): means over replicas, each with `<name>_stderr`.
 
     Raises SceneError where the scene asks for what the particles do not do, and SolverStopped, with the frames so far as its
     `dataset`, where a run cannot go on.
     """
-    plan = make_plan(scene)
+    plan = make_plan(scene, operator)
     table, more = variables(plan.scene, plan.grid), coordinates(plan.scene, plan.grid)
-    recorder = MemoryRecorder(plan.grid, plan.scene, plan.schedule, "particles", table, more)
+    recorder = MemoryRecorder(plan.grid, plan.scene, plan.schedule, "particles", table, more, law_attribute(operator))
     with recording(recorder):
         run(plan, recorder, progress)
     recorder.close(report=report(plan))

@@ -20,7 +20,10 @@ Tests: tests/cross_validation/particles/test_single_file.py.
 
 from __future__ import annotations
 
+import functools
 import math
+from collections.abc import Callable
+from typing import Any
 
 import numba
 import numpy as np
@@ -28,9 +31,11 @@ from numpy.typing import NDArray
 
 from kinetic_solver.arrays import Array
 from kinetic_solver.errors import SceneError, SolverStopped
+from kinetic_solver.laws import PairLaw
 from kinetic_solver.scene import Model
 from particles.langevin import LangevinStep
 from particles.random import LANGEVIN, OVERTAKINGS, normal, unit, words
+from particles.specialised import specialised
 
 
 def memory(count: int) -> int:
@@ -54,14 +59,14 @@ class SingleFile:
     the step. A slot is no particle: where particles swap, x and v do. Serial; the interpreter's lock is released meanwhile.
     """
 
-    def __init__(self, x: Array, v: Array, length: float, probability: float, restitution: float) -> None:
-        """x in [0, length) in any order, or ascending as left by `advance`. `restitution` is ε of (12), or FOLLOW for (6)."""
+    def __init__(self, x: Array, v: Array, length: float, probability: float, law: PairLaw) -> None:
+        """x in [0, length) in any order, or ascending as left by `advance`."""
         if not probability <= 1:
             raise SceneError(
                 f"particles.count: with {x.size} particles the probability S_C w of a collision at an overtaking is "
                 f"{probability:.4g}; allowed: up to 1; raise particles.count to {math.ceil(x.size * probability)} or more"
             )
-        self.length, self.probability, self.restitution = length, probability, restitution
+        self.length, self.probability, self.law = length, probability, law
         order = np.argsort(x, kind="stable")
         self.x, self.v = np.array(x, dtype=float)[order], np.array(v, dtype=float)[order]
         self._first = np.empty(2 << (x.size - 1).bit_length())
@@ -85,8 +90,10 @@ class SingleFile:
         """
         h = interval / steps
         half, whole = (_of_velocity(model, t) for t in (h / 2, h))
-        overtakings, collisions, ended = _advance(
-            *(self.x, self.v, self._first, self.length, self.probability, self.restitution),
+        kind: Any = type(self.law)
+        keeps = "momentum" in self.law.conserves
+        overtakings, collisions, ended = _kernel(kind)(
+            *(self.x, self.v, self._first, self.length, self.probability, self.law.numbers, keeps),
             *(h, steps, half, whole, number, key[0], key[1], 100.0),
         )
         if ended == _NOT_FINITE:
@@ -105,8 +112,18 @@ def _of_velocity(model: Model, h: float) -> tuple[float, float, float]:
     return step.v_velocity, step.v_constant, step.v_noise
 
 
-@numba.njit(cache=True, nogil=True)
-def _advance(x, v, first, length, probability, restitution, h, steps, half, whole, number, k0, k1, generous):  # type: ignore[no-untyped-def]
+@functools.cache
+def _kernel(law: Any) -> Callable[..., tuple[int, int, int]]:
+    """The loop over steps for a class of laws."""
+    flight = specialised(_fly, law, {}, after=numba.njit(law.after))
+    return specialised(_advance, law, {"nogil": True}, _fly=flight)
+
+
+after: Any = None
+"""Of the law (laws/law.py): bound by `specialised`."""
+
+
+def _advance(x, v, first, length, probability, numbers, keeps, h, steps, half, whole, number, k0, k1, generous):  # type: ignore[no-untyped-def]
     overtakings = collisions = 0
     _kick(v, half, np.uint64(number), k0, k1)
     for n in range(1, steps + 1):
@@ -114,7 +131,7 @@ def _advance(x, v, first, length, probability, restitution, h, steps, half, whol
         most = _most(x, v, length, h, generous)
         if most < 0.0:
             return overtakings, collisions, _NOT_FINITE
-        met, collided = _fly(x, v, first, length, h, probability, restitution, step, k0, k1, most)
+        met, collided = _fly(x, v, first, length, h, probability, numbers, keeps, step, k0, k1, most)
         if met < 0:
             return overtakings, collisions, _TOO_MANY
         _settle(x, v, length, h)
@@ -144,18 +161,17 @@ def _most(x, v, length, h, generous):  # type: ignore[no-untyped-def]
     return generous * v.size * (10.0 + v.size * (high - low) * h / length)
 
 
-@numba.njit(cache=True)
-def _fly(x, v, first, length, h, probability, restitution, step, k0, k1, most):  # type: ignore[no-untyped-def]
+def _fly(x, v, first, length, h, probability, numbers, keeps, step, k0, k1, most):  # type: ignore[no-untyped-def]
     """All overtakings within h. x + v t is the place at time t after the flight's start: x changes with v; h is not flown yet.
 
     `first` (twice n or the next power of two) is a binary tree: its leaves say when each slot meets the next, a node i is the
     earlier of 2i and 2i + 1. Of equal times that of the lowest slot comes first.
-    Collisions of (12) give whole grains of velocity to the one ahead, by (11) and rounded up. So momentum is exact, the one
+    Collisions that keep momentum give whole grains of velocity to the one ahead, rounded up. So momentum is exact, the one
     behind is not the faster afterwards, and Σ s v of a chain of slots s grows: in inelastic collapse there is no endless round
     of meetings at one time. Returns overtakings (-1: more than `most`) and collisions.
     """
     n, leaves = x.size, first.size // 2
-    grain = _rounded(v) if restitution >= 0.0 else 0.0
+    grain = _rounded(v) if keeps else 0.0
     for s in range(leaves):
         first[leaves + s] = _meeting(x, v, s, 0.0, length, h) if s < n else np.inf
     _climb(first, 0, leaves - 1)
@@ -172,13 +188,17 @@ def _fly(x, v, first, length, h, probability, restitution, step, k0, k1, most): 
         overtakings += 1
         if unit(chance) < probability:
             collisions += 1
-            if restitution < 0.0:
+            behind, ahead = after(v[a] - v[b], *numbers)
+            if ahead == 0.0:
                 # The leader's own trajectory, so that the two never meet again in this flight
                 x[a], v[a] = x[b] + shift, v[b]
             else:
                 meeting = x[a] + v[a] * now
-                given = grain * math.ceil(0.5 * (1.0 + restitution) * (v[a] - v[b]) / grain)
-                v[a], v[b] = v[a] - given, v[b] + given
+                if keeps:
+                    given = grain * math.ceil(ahead / grain)
+                    v[a], v[b] = v[a] - given, v[b] + given
+                else:
+                    v[a], v[b] = v[b] + behind, v[b] + ahead
                 x[a], x[b] = meeting - v[a] * now, meeting - v[b] * now - shift
         else:
             x[a], x[b] = x[b] + shift, x[a] - shift

@@ -1,7 +1,7 @@
 """The one schema of every method's dataset, what records it, and files of it: the only place that writes netCDF."""
 
 from kinetic_solver.dataset.files import append, open_netcdf, open_run, refuse_existing, scene_of, write_dataset
-from kinetic_solver.dataset.provenance import attributes
+from kinetic_solver.dataset.provenance import attributes, law_attribute
 from kinetic_solver.dataset.recorders import MemoryRecorder, NetCDFRecorder, Recorder, recording
 from kinetic_solver.dataset.schema import FINISHED, RUNNING, STOPPED, VARIABLES, Frame, Variables
 
@@ -17,6 +17,7 @@ __all__ = [
     "Variables",
     "append",
     "attributes",
+    "law_attribute",
     "open_netcdf",
     "open_run",
     "recording",

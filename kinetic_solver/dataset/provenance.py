@@ -9,6 +9,7 @@ from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
 
+from kinetic_solver.laws import CollisionLaw
 from kinetic_solver.scene import Scene
 
 PACKAGES = ("numpy", "scipy", "numba", "pyfftw", "xarray", "netCDF4")
@@ -29,3 +30,8 @@ def attributes(scene: Scene, method: str) -> dict[str, str | float]:
         "packages": json.dumps({name: _version(name) for name in PACKAGES}),
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
     }
+
+
+def law_attribute(operator: CollisionLaw | None) -> dict[str, str]:
+    """`law`: name and parameters of a collision law that a run was given beside its scene; nothing where there was none."""
+    return {} if operator is None else {"law": operator.described()}

@@ -64,7 +64,7 @@ def recording(recorder: Recorder) -> Iterator[None]:
 
 
 class MemoryRecorder:
-    """Keeps frames in memory and makes them a Dataset. `more` are coordinates beside time, x and v."""
+    """Keeps frames in memory and makes them a Dataset. `more` are coordinates beside time, x and v, `also` further attributes."""
 
     def __init__(
         self,
@@ -74,8 +74,9 @@ class MemoryRecorder:
         method: str = "grid",
         variables: Variables = VARIABLES,
         more: Mapping[str, np.ndarray] | None = None,
+        also: Mapping[str, str] | None = None,
     ) -> None:
-        self.grid, self.scene, self.method = grid, scene, method
+        self.grid, self.scene, self.method, self._also = grid, scene, method, also or {}
         self._variables, self._more = variables, more or {}
         self._dimensions = schedule.dimensions(scene)
         self._times: dict[str, list[float]] = {name: [] for name in self._dimensions.values()}
@@ -112,7 +113,7 @@ class MemoryRecorder:
         for name, times in self._times.items():
             axes[name] = (name, np.array(times), {"long_name": "time", "units": "time", "axis": "T"})
         dataset = xr.Dataset(data, axes, attributes(self.scene, self.method))
-        dataset.attrs.update(self._last)
+        dataset.attrs.update({**self._also, **self._last})
         return dataset
 
 
@@ -137,8 +138,9 @@ class NetCDFRecorder:
         variables: Variables = VARIABLES,
         more: Mapping[str, np.ndarray] | None = None,
         after: float | None = None,
+        also: Mapping[str, str] | None = None,
     ) -> None:
-        self.path = Path(path)
+        self.path, self._also = Path(path), also or {}
         refuse_existing(path, overwrite or after is not None)
         if not self.path.parent.is_dir():
             raise SceneError(f"{self.path}: cannot be created (its folder does not exist)")
@@ -173,7 +175,7 @@ class NetCDFRecorder:
             self._file = out = netCDF4.Dataset(self.path, "w", format="NETCDF3_64BIT_DATA")
         except OSError as error:
             raise SceneError(f"{self.path}: cannot be created ({error.strerror})") from None
-        out.setncatts(attributes(scene, method))
+        out.setncatts({**attributes(scene, method), **self._also})
         for name, size in (("x", grid.nx), ("v", grid.nv), ("bounds", 2)):
             out.createDimension(name, size)
         for name, (dimension, values, attrs) in coordinates(grid).items():

@@ -8,8 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from kinetic_solver.dataset import VARIABLES, NetCDFRecorder, Variables
+from kinetic_solver.dataset import VARIABLES, NetCDFRecorder, Variables, law_attribute
 from kinetic_solver.grid import PhaseSpaceGrid
+from kinetic_solver.laws import CollisionLaw
 from kinetic_solver.methods.progress import Progress
 from kinetic_solver.scene import Scene, Schedule
 
@@ -27,6 +28,8 @@ class Job:
     max_walltime: float | None = None
     """Seconds after which to stop at a frame, with a checkpoint."""
     progress: Progress | None = None
+    operator: CollisionLaw | None = None
+    """A collision law beside the scene."""
 
     def recorder(
         self,
@@ -40,7 +43,9 @@ class Job:
         """Of this job's file. `scene` is that of the job, unless the method has completed it; else as for `NetCDFRecorder`."""
         overwrite = self.overwrite or self.resume
         written = self.scene if scene is None else scene
-        return NetCDFRecorder(self.path, grid, written, schedule, self.method, overwrite, variables, more, after)
+        return NetCDFRecorder(
+            self.path, grid, written, schedule, self.method, overwrite, variables, more, after, law_attribute(self.operator)
+        )
 
 
 @dataclass(frozen=True)

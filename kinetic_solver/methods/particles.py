@@ -22,7 +22,7 @@ OUTSIDE = 1e-3
 def run(job: Job) -> list[str]:
     """Raises RunUnfinished at the first frame after `job.max_walltime`, its state written beside the file."""
     began = monotonic()
-    plan = make_plan(job.scene)
+    plan = make_plan(job.scene, job.operator)
     scene, said, walltime = plan.scene, report(plan), job.max_walltime
     if job.resume and finished(job.path, scene):
         return ["it has finished already"]

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from kinetic_solver.dataset import recording, refuse_existing
 from kinetic_solver.errors import SceneError
+from kinetic_solver.laws import CollisionLaw
 from kinetic_solver.methods.job import Job, Written
 from kinetic_solver.methods.progress import Progress, telling
 from kinetic_solver.scene import Scene, Schedule
@@ -31,6 +32,7 @@ def run_to_file(
     resume: bool = False,
     max_walltime: float | None = None,
     progress: bool | Progress = False,
+    operator: CollisionLaw | None = None,
 ) -> Written:
     """Run the scene by a method (a key of `METHODS`) into a netCDF file of the common schema (docs/output.md).
 
@@ -38,7 +40,8 @@ def run_to_file(
     the frames so far, with the reason as the attribute `stopped`; a scene that is refused leaves no file. `resume` goes on from
     the checkpoint beside the file: without one the run starts afresh, and a finished one is left as it is. After `max_walltime`
     seconds a run stops at its next frame with a checkpoint. `progress` is True for a bar (on a terminal) or a line every ten
-    seconds, on stderr, or a callable of the time and the end time.
+    seconds, on stderr, or a callable of the time and the end time. `operator` is a
+    collision law of one's own (docs/extending.md); the file names it, and a run is resumed with the same one only.
 
     Raises SceneError where the scene or an argument is wrong, OutputExistsError where the file exists and neither `overwrite` nor
     `resume` is said, SolverStopped where a run cannot go on, RunUnfinished where `max_walltime` is over.
@@ -47,7 +50,7 @@ def run_to_file(
     path = Path(path)
     _check(scene, path, method, overwrite, resume, max_walltime)
     with telling(progress) as told:
-        lines = METHODS[method].run(Job(scene, path, method, overwrite, resume, max_walltime, told))
+        lines = METHODS[method].run(Job(scene, path, method, overwrite, resume, max_walltime, told, operator))
     return Written(path, tuple(lines))
 
 
@@ -71,7 +74,7 @@ def _grid(job: Job) -> list[str]:
     from kinetic_solver.plan import make_plan
     from kinetic_solver.solver import integrate
 
-    plan = make_plan(job.scene)
+    plan = make_plan(job.scene, job.operator)
     recorder = job.recorder(plan.output, plan.schedule)
     with recording(recorder):
         report = integrate(plan, recorder, job.progress)
@@ -83,6 +86,8 @@ def _grid(job: Job) -> list[str]:
 def _exact(job: Job) -> list[str]:
     from kinetic_solver import exact
 
+    if job.operator is not None:
+        raise SceneError(f"operator {job.operator.label}: has no closed form; allowed with method 'exact': the scene's own")
     grid, schedule = exact.points(job.scene), Schedule.of(job.scene, exact.VARIABLES)
     recorder = job.recorder(grid, schedule, exact.VARIABLES)
     with recording(recorder):

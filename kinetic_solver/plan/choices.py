@@ -12,21 +12,14 @@ from collections.abc import Callable
 from kinetic_solver import initial
 from kinetic_solver.errors import SceneError
 from kinetic_solver.grid import PhaseSpaceGrid
+from kinetic_solver.operators.collisions import has_deposit, has_hermite
 from kinetic_solver.operators.velocity.kernel import resolved_spacing
 from kinetic_solver.plan import in_t, in_v, in_x, measured
 from kinetic_solver.plan.criterion import Criterion, strictest
 from kinetic_solver.plan.moving_frame import ReferenceFrame
 from kinetic_solver.plan.scales import Scales
 from kinetic_solver.plan.waves import Waves
-from kinetic_solver.scene import (
-    FOLLOW_LEADER,
-    INELASTIC,
-    Deposit,
-    DriftDiffusionScheme,
-    Scene,
-    SteppingScheme,
-    VelocityScheme,
-)
+from kinetic_solver.scene import Deposit, DriftDiffusionScheme, SteppingScheme, VelocityScheme
 
 WORTH_MOVING = 1.5
 """How many times narrower a moving frame must make the window: frames are interpolated then. Chosen."""
@@ -82,10 +75,14 @@ def reference_frame(scales: Scales, clocked: Callable[[ReferenceFrame], Scales])
 
 def velocity(scales: Scales) -> VelocityScheme:
     """As given, or points."""
-    scene, model = scales.scene, scales.scene.model
+    scene, model, law = scales.scene, scales.scene.model, scales.law
     name = scene.grid.velocity or "points"
     if name == "points":
         return name
+    if law is not None and not has_hermite(law):
+        raise SceneError(
+            f"grid.velocity = 'hermite': operator {law.label} has no rate in Hermite functions; allowed here: 'points'"
+        )
     hottest = float(scales.temperature.max())
     if model.noise > 0 and hottest >= 2 * model.noise:
         raise SceneError(
@@ -104,8 +101,10 @@ def velocity(scales: Scales) -> VelocityScheme:
 
 def hermite_may_pay(scales: Scales) -> bool:
     """Whether Hermite functions are worth counting: for (12), near σ at all times, and nothing said that speaks of points."""
-    scene, sigma, given = scales.scene, scales.scene.model.noise, scales.scene.grid
-    if scene.operator != INELASTIC or scene.model.friction * sigma == 0 or scene.initial.file is not None:
+    scene, sigma, given, law = scales.scene, scales.scene.model.noise, scales.scene.grid, scales.law
+    if law is None or law.linearises or not has_hermite(law):
+        return False
+    if scene.model.friction * sigma == 0 or scene.initial.file is not None:
         return False
     if any((given.nv, given.velocity_window, given.velocity, given.stepping, given.drift_diffusion, given.deposit)):
         return False
@@ -113,16 +112,18 @@ def hermite_may_pay(scales: Scales) -> bool:
     return scales.theta_min > low * sigma and scales.theta_max < high * sigma
 
 
-def stepping(scene: Scene) -> SteppingScheme:
+def stepping(scales: Scales) -> SteppingScheme:
     """As given; else exact where there is an exact step."""
-    if scene.operator is None:
+    law, given = scales.law, scales.scene.grid.stepping
+    if law is None:
         return "exact"
-    given = scene.grid.stepping
-    if given == "exact" and scene.operator == INELASTIC:
-        raise SceneError(
-            "grid.stepping = 'exact': operator (12), 'inelastic', has no exact step; allowed: 'extrapolated', 'strang'"
-        )
-    return given or ("exact" if scene.operator == FOLLOW_LEADER else "extrapolated")
+    able = law.name in measured.STRANG_ERROR
+    if given == "exact" and not law.linearises:
+        allowed = "'extrapolated', 'strang'" if able else "'extrapolated'"
+        raise SceneError(f"grid.stepping = 'exact': operator {law.label} has no exact step; allowed: {allowed}")
+    if given == "strang" and not able:
+        raise SceneError(f"grid.stepping = 'strang': operator {law.label} has no substep; allowed: 'extrapolated'")
+    return given or ("exact" if law.linearises else "extrapolated")
 
 
 def drift_diffusion(scales: Scales, waves: Waves) -> DriftDiffusionScheme:
@@ -131,16 +132,17 @@ def drift_diffusion(scales: Scales, waves: Waves) -> DriftDiffusionScheme:
     model, given = scales.scene.model, scales.scene.grid.drift_diffusion
     if model.friction * model.noise == 0 and given not in (None, "kernel"):
         raise SceneError(f"grid.drift_diffusion = {given!r}: needs friction > 0 and noise > 0; allowed here: 'kernel'")
-    if given is None and scales.scene.operator == FOLLOW_LEADER and model.friction * model.noise > 0:
+    if given is None and scales.amplifies and model.friction * model.noise > 0:
         kernel = in_v.exact_step_spacing(scales, waves, in_t.farthest_exact_step(scales))
         if in_v.finite_volumes_for_weak_noise(scales) > FINITE_VOLUMES_COARSER * kernel:
             return "finite-volume-8"
     return given or "kernel"
 
 
-def deposit(scene: Scene) -> tuple[Deposit | None, str | None]:
-    """Of operator (12), and the reason where it was not given."""
-    if scene.operator != INELASTIC:
+def deposit(scales: Scales) -> tuple[Deposit | None, str | None]:
+    """Of laws of pairs that have no scheme of their own, and the reason where it was not given."""
+    scene = scales.scene
+    if not has_deposit(scales.law):
         return None, None
     if scene.grid.deposit:
         return scene.grid.deposit, None
@@ -154,7 +156,7 @@ def time_step(
 ) -> tuple[float | None, str | None]:
     """The longest step (None: from frame to frame), and the reason where it was not given; `width` is the window's."""
     scene, given = scales.scene, scales.scene.grid.time_step
-    if scene.operator is None:
+    if scales.law is None:
         return None, None
     if given:
         return (min(given, in_t.farthest_exact_step(scales)) if stepping == "exact" else given), None
@@ -164,7 +166,7 @@ def time_step(
     limits = [in_t.longest_gap(scales)]
     if stepping == "extrapolated" and scene.output.budgets is not False:
         limits.append(in_t.budget_step(scales))
-    if scene.operator == INELASTIC:
+    if not scales.amplifies:
         limits.append(in_t.longest_believed(scales, waves))
     if stepping == "exact":
         farthest = in_t.farthest_exact_step(scales)
@@ -203,7 +205,7 @@ def warn_of_an_unresolved_kernel(
     volumes of order 8, errs by more than rtol."""
     model = scales.scene.model
     kernel = drift_diffusion == "kernel" and model.friction * model.noise > 0
-    if shortest is None or not kernel or scales.scene.operator != FOLLOW_LEADER:
+    if shortest is None or not kernel or not scales.amplifies:
         return
     h = in_t.shortest_step_that_fills(scales, shortest)
     resolved = resolved_spacing(model, h)

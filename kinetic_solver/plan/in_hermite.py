@@ -13,7 +13,7 @@ from kinetic_solver.operators.velocity import HermiteBasis
 from kinetic_solver.plan.criterion import Criterion
 from kinetic_solver.plan.scales import POINTS, Scales
 from kinetic_solver.plan.waves import DROPPED, Waves
-from kinetic_solver.scene import INELASTIC, Scene
+from kinetic_solver.scene import Scene
 from kinetic_solver.stability.homogeneous import homogeneous_state
 from kinetic_solver.theory.ornstein_uhlenbeck import transition
 
@@ -38,7 +38,7 @@ def count(scales: Scales, waves: Waves) -> Criterion:
 
     Raises SceneError where they are more than there can be.
     """
-    scene, sigma = scales.scene, scales.scene.model.noise
+    sigma = scales.scene.model.noise
     n = _of_the_start(scales)
     if n >= MOST_FUNCTIONS - ROOM:
         low, high = float(scales.temperature.min()), float(scales.temperature.max())
@@ -47,7 +47,7 @@ def count(scales: Scales, waves: Waves) -> Criterion:
             f"functions of variance noise = {sigma:g}; allowed here: 'points'"
         )
     n = max(n, _of_phase_mixing(scales, waves))
-    if scene.operator is not None:
+    if scales.law is not None:
         factor, more, amplified = MORE_WITH_COLLISIONS
         n = math.ceil(factor * n + more + amplified * scales.amplification**2)
     found = min(MOST_FUNCTIONS, max(SPARE, n + SPARE))
@@ -68,7 +68,9 @@ def points_for_coefficients(scene: Scene, basis: HermiteBasis, mean_velocity: fl
     which would only be lifted.
     """
     thermal = math.sqrt(temperature)
-    reach = (TABULATED_REACH if scene.operator == INELASTIC else 2 * math.sqrt(basis.count) + CLOSED_FORM_REACH) * thermal
+    reach = (
+        TABULATED_REACH if scene.law is not None and not scene.law.linearises else 2 * math.sqrt(basis.count) + CLOSED_FORM_REACH
+    ) * thermal
     # Eight points to the basis's width, and two to every oscillation of its last function.
     points = math.ceil(reach / math.sqrt(basis.variance) * (8 + 2 * math.sqrt(basis.count)))
     return mean_velocity + reach * np.linspace(-1, 1, 2 * points + 1)
@@ -84,7 +86,7 @@ def _of_the_start(scales: Scales) -> int:
         background = initial.eigenmode_background(scene, v, u0)
         shapes = np.array([background, *(shape for _, shape in initial.eigenmode_shapes(scene, v, u0))])
         coefficients = np.abs(basis.coefficients(shapes.real, v) + 1j * basis.coefficients(shapes.imag, v)).max(axis=0)
-        if scene.operator == INELASTIC:
+        if scene.law is not None and not scene.law.linearises:
             coefficients[coefficients < ROUNDING] = 0.0
         spread = np.maximum(spread, coefficients)
     return int(np.flatnonzero(spread > scales.rtol / DROPPED)[-1])

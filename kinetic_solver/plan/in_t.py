@@ -17,7 +17,7 @@ from kinetic_solver.plan import measured
 from kinetic_solver.plan.criterion import Criterion
 from kinetic_solver.plan.scales import Scales
 from kinetic_solver.plan.waves import Waves
-from kinetic_solver.scene import FOLLOW_LEADER, SteppingScheme
+from kinetic_solver.scene import SteppingScheme
 from kinetic_solver.stepping import count_of
 
 FARTHEST = (4.0, 2.0)
@@ -46,7 +46,7 @@ def shortest_exact_step(scales: Scales, waves: Waves, grid: PhaseSpaceGrid) -> f
     The kernel's width after h is √(σ(1 - exp(-2γh))); it is to be `resolution`(rtol) times dv.
     """
     gamma, sigma = scales.scene.model.friction, scales.scene.model.noise
-    if gamma * sigma == 0 or scales.scene.operator is None:
+    if gamma * sigma == 0 or scales.law is None:
         return 0.0
     spread = (resolution(scales.rtol) * grid.dv) ** 2 / sigma
     longest = farthest_exact_step(scales)
@@ -69,16 +69,14 @@ def strang_error(scales: Scales, waves: Waves, h: float) -> float:
 
 def strang_coefficient(scales: Scales) -> float:
     """Strang's error of f over max f, over (rate h)²."""
-    scene = scales.scene
-    if scene.operator == FOLLOW_LEADER:
-        return measured.STRANG_ERROR[FOLLOW_LEADER] * amplified_error(scales)
-    assert scene.operator is not None
-    return measured.STRANG_ERROR[scene.operator] * (1 - scene.restitution**2) ** 2
+    law = scales.law
+    assert law is not None
+    return measured.STRANG_ERROR[law.name] * (amplified_error(scales) if law.linearises else law.dissipation**2)
 
 
 def amplified_error(scales: Scales) -> float:
     """By how much the errors of steps grow with (6) until the end of the run."""
-    return math.exp(measured.AMPLIFIED * scales.amplification) if scales.scene.operator == FOLLOW_LEADER else 1.0
+    return math.exp(measured.AMPLIFIED * scales.amplification) if scales.amplifies else 1.0
 
 
 def commutation_rate(scales: Scales, waves: Waves) -> float:
@@ -120,7 +118,7 @@ def expected_steps(scales: Scales, waves: Waves, stepping: SteppingScheme, time_
 
 def error_share(scales: Scales) -> float:
     """Of rtol, to the local errors of all steps together: less where (6) amplifies them later."""
-    if scales.scene.operator == FOLLOW_LEADER:
+    if scales.amplifies:
         return ERROR_SHARE[True] * math.exp(-measured.AMPLIFIED * scales.amplification)
     return ERROR_SHARE[False]
 

@@ -18,7 +18,7 @@ from kinetic_solver.plan import in_t, measured
 from kinetic_solver.plan.criterion import Criterion
 from kinetic_solver.plan.scales import Scales
 from kinetic_solver.plan.waves import DROPPED, Waves
-from kinetic_solver.scene import FOLLOW_LEADER, Deposit, DriftDiffusionScheme, SteppingScheme
+from kinetic_solver.scene import Deposit, DriftDiffusionScheme, SteppingScheme
 from kinetic_solver.stability.homogeneous import homogeneous_state
 from kinetic_solver.theory.ornstein_uhlenbeck import half_transport_time, transition
 
@@ -55,7 +55,7 @@ def window(scales: Scales) -> Window:
         reach = math.sqrt(scales.tail**2 + 2 * scales.amplification * scales.tail) * thermal
     reason = f"{scales.tail:.1f} standard deviations about the means from {low:.3g} to {high:.3g}"
     slower = 0.0
-    if scales.scene.operator == FOLLOW_LEADER:
+    if scales.amplifies:
         slower = 2 * scales.amplification * thermal
         reason += ", and the amplified slow tail of (6)"
     return Window(low - reach - slower, high + reach, reason)
@@ -69,8 +69,11 @@ def window_from_now_on(scales: Scales, mean_velocity: Array, temperature: Array,
     hottest = float(temperature.max())
     theta = max(hottest, min(hottest * step.decay**2 + step.velocity_variance, scales.theta_end))
     reach = scales.tail * math.sqrt(theta)
-    slower = 2 * scales.scene.cross_section * scales.rho_max * math.sqrt(theta) * step.drift_time
-    return min(means) - reach - (slower if scales.scene.operator == FOLLOW_LEADER else 0.0), max(means) + reach
+    slower = 0.0
+    if scales.amplifies:
+        assert scales.law is not None
+        slower = 2 * scales.law.frequency(scales.rho_max, theta) * step.drift_time
+    return min(means) - reach - slower, max(means) + reach
 
 
 @dataclass(frozen=True)
@@ -91,7 +94,7 @@ def spacings(scales: Scales, waves: Waves, schemes: Schemes) -> list[Criterion]:
         bounds.append(Criterion(math.pi / q, "phase mixing of the initial waves"))
     if scene.initial.eigenmodes:
         bounds.append(Criterion(_eigenmodes(scales), "the eigenmodes"))
-    if model.friction * model.noise > 0 and (scene.operator is not None or schemes.drift_diffusion != "kernel"):
+    if model.friction * model.noise > 0 and (scales.law is not None or schemes.drift_diffusion != "kernel"):
         bounds += _drift_diffusion(scales, waves, schemes)
     if schemes.deposit is not None:
         bounds.append(_deposit(scales, schemes.deposit))
@@ -131,7 +134,7 @@ def finite_volumes_for_weak_noise(scales: Scales) -> float:
 
 def tail_weight(scales: Scales) -> float:
     """By how much the finite volumes' error grows with what (6) amplifies."""
-    r = scales.amplification if scales.scene.operator == FOLLOW_LEADER else 1.0
+    r = scales.amplification if scales.amplifies else 1.0
     strong, exponent = measured.STRONG_AMPLIFICATION
     return (1 + r**2 + r**3) * math.exp(exponent * max(0.0, r - strong))
 
@@ -140,7 +143,7 @@ def _off_equilibrium(scales: Scales) -> float:
     """Differences of order 8 are taken of f/M, M the Maxwellian of variance σ: by how much more they err where f is hotter, or
     displaced."""
     model, scene = scales.scene.model, scales.scene
-    state = homogeneous_state(scene) if scene.operator == FOLLOW_LEADER else None
+    state = homogeneous_state(scene) if scales.amplifies else None
     mean = state.mean_velocity if state is not None else model.gravity / model.friction
     u = scales.mean_velocity
     displaced = max(abs(float(u.min()) - mean), abs(float(u.max()) - mean)) / math.sqrt(model.noise)
@@ -154,7 +157,7 @@ def _drift_diffusion(scales: Scales, waves: Waves, schemes: Schemes) -> list[Cri
         weak = schemes.stepping == "exact" and scales.scene.grid.drift_diffusion is None
         dv = finite_volumes_for_weak_noise(scales) if weak else finite_volumes(scales, name)
         return [Criterion(dv, f"the finite volumes' error of order {measured.FINITE_VOLUME_ERROR[name][1]}")]
-    if schemes.stepping == "extrapolated" and scales.scene.operator == FOLLOW_LEADER:
+    if schemes.stepping == "extrapolated" and scales.amplifies:
         # Finite volumes of order 8 take over in steps too short for the kernel, and some of an extrapolated step always are.
         factor, reference, power = measured.EXTRAPOLATED_STRANG_STEP
         shortest = factor / in_t.commutation_rate(scales, waves) * min(1.0, scales.rtol / reference) ** power

@@ -14,7 +14,6 @@ from kinetic_solver.errors import SceneError
 from kinetic_solver.plan.criterion import Criterion
 from kinetic_solver.plan.scales import Scales
 from kinetic_solver.plan.waves import DROPPED, MOST_MODES, Waves
-from kinetic_solver.scene import FOLLOW_LEADER
 
 WATCHED = 8 / 7
 """The highest eighth of the modes stays empty at first: the monitor looks at it (solver/monitor.py)."""
@@ -33,11 +32,11 @@ def points(scales: Scales, waves: Waves) -> Criterion:
         return Criterion(1, "nothing depends on x")
     n = waves.highest_mode
     reason = f"{n} modes of the initial state"
-    if scene.operator is not None:
-        more = fronts(scales, scales.density) if scene.operator == FOLLOW_LEADER else followers(scales, waves)
+    if scales.law is not None:
+        more = fronts(scales, scales.density) if scales.amplifies else followers(scales, waves)
         n = _with_room(2 * n + more.value, waves)
         reason += f", their products, and {math.ceil(more.value)} for {more.reason}"
-        if scene.operator == FOLLOW_LEADER and scene.initial.step is None and not waves.local_gauge:
+        if scales.amplifies and scene.initial.step is None and not waves.local_gauge:
             # The global gauge transforms f exp(SΦ), which has waves of its own.
             n = max(n, math.ceil(WATCHED * waves.highest(waves.lifted_amplitudes)))
     if n > MOST_MODES:
@@ -47,10 +46,9 @@ def points(scales: Scales, waves: Waves) -> Criterion:
 
 def points_from_now_on(scales: Scales, waves: Waves, modes: int, density: Array) -> int:
     """nx for the rest of a run, from the highest mode that f has now, and its density."""
-    operator = scales.scene.operator
-    if operator is None:
+    if scales.law is None:
         return fast_odd(2 * modes + 1)
-    more = fronts(scales, density).value if operator == FOLLOW_LEADER else 0.0
+    more = fronts(scales, density).value if scales.amplifies else 0.0
     return fast_odd(2 * _with_room(2 * modes + more, waves) + 1)
 
 

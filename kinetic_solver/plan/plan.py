@@ -19,6 +19,7 @@ from kinetic_solver.arrays import Array
 from kinetic_solver.dataset import VARIABLES
 from kinetic_solver.errors import SceneError
 from kinetic_solver.grid import PhaseSpaceGrid
+from kinetic_solver.laws import CollisionLaw, check_law
 from kinetic_solver.machine import too_large
 from kinetic_solver.plan import choices, in_hermite, in_t, in_v, in_x, measured
 from kinetic_solver.plan.criterion import Criterion, strictest
@@ -26,7 +27,6 @@ from kinetic_solver.plan.moving_frame import ReferenceFrame
 from kinetic_solver.plan.scales import Scales, scales_of
 from kinetic_solver.plan.waves import Waves
 from kinetic_solver.scene import (
-    FOLLOW_LEADER,
     Deposit,
     DriftDiffusionScheme,
     Scene,
@@ -37,6 +37,8 @@ from kinetic_solver.scene import (
 
 MOST_VELOCITIES = 20_000
 """Of the output of a noiseless run. Chosen: more are asked for by mistake."""
+CHECKED_VELOCITIES = 200
+"""On which a law of one's own is looked at before a run: enough for Maxwellians to round-off."""
 MEMORY_TIME = 5.0
 """Relaxation times for which the errors of steps last: exp(-5) of them is left then."""
 STATE_ARRAYS = 30
@@ -82,6 +84,11 @@ class Plan:
         return self.scales.scene
 
     @property
+    def law(self) -> CollisionLaw | None:
+        """What collisions do; None where they do nothing."""
+        return self.scales.law
+
+    @property
     def times(self) -> Array:
         """When anything is written, by the frame's clock."""
         return self.scales.times
@@ -89,7 +96,7 @@ class Plan:
     @property
     def symmetric(self) -> bool:
         """True where the quadrature path's base method is Strang's: both substeps are exact."""
-        return self.velocity == "points" and self.scene.operator == FOLLOW_LEADER
+        return self.velocity == "points" and self.scales.amplifies
 
     @property
     def controlled(self) -> bool:
@@ -116,13 +123,18 @@ class Plan:
         return replace(self, scales=scales, waves=Waves(scales))
 
 
-def make_plan(scene: Scene) -> Plan:
-    """Choose what the scene leaves open. Raises SceneError where no grid in this machine's memory can do it."""
+def make_plan(scene: Scene, law: CollisionLaw | None = None) -> Plan:
+    """Choose what the scene leaves open. `law` stands in for [collisions], which the scene must not have then.
+
+    Raises SceneError where no grid in this machine's memory can do it, or the law is not what it says.
+    """
+    if law is not None and scene.collisions is not None:
+        raise SceneError(f"collisions: the scene has a table, and operator = {law.label} is given; allowed: one of them")
     reasons: dict[str, str] = {}
     if scene.initial.file is not None:
         scene, reasons = _on_the_files_grid(scene)
     try:
-        return _make_plan(scene, reasons)
+        return _make_plan(scene, reasons, law)
     except (OverflowError, ZeroDivisionError) as error:
         groups = scene.groups
         raise SceneError(
@@ -131,21 +143,23 @@ def make_plan(scene: Scene) -> Plan:
         ) from None
 
 
-def _make_plan(scene: Scene, known: Mapping[str, str]) -> Plan:
+def _make_plan(scene: Scene, known: Mapping[str, str], law: CollisionLaw | None) -> Plan:
     schedule = Schedule.of(scene, VARIABLES)
-    here = scales_of(scene, schedule.times)
+    here = scales_of(scene, schedule.times, law=law)
     choices.check_given(here)
+    if law is not None:
+        _check(law, here)
 
     def clocked(frame: ReferenceFrame) -> Scales:
         times = np.array([frame.clock(float(time)) for time in schedule.times])
-        return scales_of(frame.scene(scene), times, scene.model.friction)
+        return scales_of(frame.scene(scene), times, scene.model.friction, law)
 
     frame, scales = choices.reference_frame(here, clocked)
     waves, inner = Waves(scales), scales.scene
     chosen: dict[str, str | None] = dict(known)
-    velocity, stepping = choices.velocity(scales), choices.stepping(inner)
+    velocity, stepping = choices.velocity(scales), choices.stepping(scales)
     low, high = inner.grid.velocity_window or _window(scales, chosen)
-    deposit, chosen["deposit"] = choices.deposit(inner)
+    deposit, chosen["deposit"] = choices.deposit(scales)
     drift_diffusion = choices.drift_diffusion(scales, waves)
     time_step, chosen["time_step"] = choices.time_step(scales, waves, stepping, velocity, high - low)
     shown = _velocities(scales, waves, velocity, in_v.Schemes(stepping, drift_diffusion, deposit, time_step), high - low)
@@ -183,6 +197,17 @@ def _make_plan(scene: Scene, known: Mapping[str, str]) -> Plan:
     )
     check_memory(plan)
     return plan
+
+
+def _check(law: CollisionLaw, scales: Scales) -> None:
+    """The law on the start, at two places, and on what is far from a Maxwellian: the two superposed, displaced."""
+    window = in_v.window(scales)
+    v = window.low + window.width / CHECKED_VELOCITIES * (np.arange(CHECKED_VELOCITIES) + 0.5)
+    places = [0, scales.density.size // 3]
+    fields = (scales.density[places], scales.mean_velocity[places], scales.temperature[places])
+    f = initial.maxwellian(*fields, v)
+    displaced = initial.maxwellian(fields[0], fields[1] + np.sqrt(fields[2]), fields[2] / 2, v)
+    check_law(law, np.concatenate([f, (f + displaced) / 2]), v, scales.rtol)
 
 
 def _window(scales: Scales, chosen: dict[str, str | None]) -> tuple[float, float]:

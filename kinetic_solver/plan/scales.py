@@ -5,6 +5,7 @@ Symbols as in docs/accuracy.md: y standard deviations of tail, θ_max and θ_min
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import dataclass
 
@@ -12,7 +13,8 @@ import numpy as np
 
 from kinetic_solver import initial
 from kinetic_solver.arrays import Array
-from kinetic_solver.scene import FOLLOW_LEADER, INELASTIC, Scene
+from kinetic_solver.laws import CollisionLaw, Inelastic
+from kinetic_solver.scene import Scene
 from kinetic_solver.stability.homogeneous import HomogeneousState, homogeneous_state
 from kinetic_solver.theory.ornstein_uhlenbeck import Transition, transition
 
@@ -31,6 +33,8 @@ class Scales:
     """Of one scene, in the frame of reference in which it is solved."""
 
     scene: Scene
+    law: CollisionLaw | None
+    """What collisions do: the scene's, or one that was brought along; None where they do nothing."""
     times: Array
     """When anything is written, by the frame's clock; the first is 0."""
     lab_friction: float
@@ -85,13 +89,23 @@ class Scales:
 
     @property
     def collision_rate(self) -> float:
-        """ν = Sρ√θ at the largest density and temperature."""
-        return self.scene.cross_section * self.rho_max * math.sqrt(self.theta_max)
+        """ν = Sρ√θ at the largest density and temperature (of other laws: their own `frequency`)."""
+        return 0.0 if self.law is None else self._frequency
+
+    @functools.cached_property
+    def _frequency(self) -> float:
+        assert self.law is not None
+        return self.law.frequency(self.rho_max, self.theta_max)
+
+    @property
+    def amplifies(self) -> bool:
+        """True with (6): a disturbance in the slow tail grows."""
+        return self.law is not None and self.law.linearises
 
     @property
     def amplification(self) -> float:
         """R_t: under (6) a slow disturbance w√θ from the mean grows by up to exp(R_t w) until the end (docs/theory.md)."""
-        return self.scene.cross_section * self.rho_max * math.sqrt(self.theta_max) * self.whole.drift_time
+        return self.collision_rate * self.whole.drift_time
 
     @property
     def noise_hardly_acts(self) -> bool:
@@ -107,11 +121,12 @@ class Scales:
     @property
     def amplified_shift(self) -> bool:
         """True where, besides, (6) amplifies what the periodic shift brings round into the slow tail."""
-        return self.scene.operator == FOLLOW_LEADER and self.shifted
+        return self.amplifies and self.shifted
 
 
-def scales_of(scene: Scene, times: Array, lab_friction: float | None = None) -> Scales:
-    """The scales of a scene that is written at these times of its own clock."""
+def scales_of(scene: Scene, times: Array, lab_friction: float | None = None, law: CollisionLaw | None = None) -> Scales:
+    """The scales of a scene that is written at these times of its own clock. `law` stands in for the scene's own."""
+    law = scene.law if law is None else law
     x = scene.pipe.length * np.arange(POINTS) / POINTS
     u0, theta0 = initial.start_state(scene)
     density, temperature = initial.density(scene, x), initial.temperature(scene, x, theta0)
@@ -119,17 +134,10 @@ def scales_of(scene: Scene, times: Array, lab_friction: float | None = None) -> 
     theta_end = float(temperature.max()) * whole.decay**2 + whole.velocity_variance
     coldest = float(temperature.min())
     theta_min = min(coldest, coldest * whole.decay**2 + whole.velocity_variance)
-    if scene.operator == INELASTIC:
-        if float(density.min()) > 0:
-            # Collisions cool: the hottest place is the thinnest one, and no hotter than its own stationary state.
-            thinnest = _state_at_density(scene, float(density.min()))
-            theta_end = min(theta_end, thinnest.temperature if thinnest is not None else theta_end)
-        # The densest place cools most: as without noise, but not below its own stationary state.
-        densest = _state_at_density(scene, float(density.max()))
-        cooled = _haff(scene, whole, float(density.max()), coldest) / HAFF_SHORT
-        theta_min = min(theta_min, max(cooled, 0.0 if densest is None else densest.temperature))
+    theta_end, theta_min = _cooled(law, scene, whole, density, coldest, theta_end, theta_min)
     return Scales(
         scene,
+        law,
         times,
         scene.model.friction if lab_friction is None else lab_friction,
         u0,
@@ -143,9 +151,34 @@ def scales_of(scene: Scene, times: Array, lab_friction: float | None = None) -> 
     )
 
 
-def _haff(scene: Scene, whole: Transition, density: float, theta: float) -> float:
+@functools.singledispatch
+def _cooled(
+    law: CollisionLaw | None, scene: Scene, whole: Transition, density: Array, coldest: float, theta_end: float, theta_min: float
+) -> tuple[float, float]:
+    """(hottest at the end, coldest at any time) with collisions, from those of friction and noise alone.
+
+    Of a law that is not known to cool these are taken; where it does, the run finds dv too coarse and mends it.
+    """
+    return theta_end, theta_min
+
+
+@_cooled.register
+def _(
+    law: Inelastic, scene: Scene, whole: Transition, density: Array, coldest: float, theta_end: float, theta_min: float
+) -> tuple[float, float]:
+    if float(density.min()) > 0:
+        # The hottest place is the thinnest one, and no hotter than its own stationary state.
+        thinnest = _state_at_density(scene, float(density.min()))
+        theta_end = min(theta_end, thinnest.temperature if thinnest is not None else theta_end)
+    # The densest place cools most: as without noise, but not below its own stationary state.
+    densest = _state_at_density(scene, float(density.max()))
+    cooled = _haff(law, whole, float(density.max()), coldest) / HAFF_SHORT
+    return theta_end, min(theta_min, max(cooled, 0.0 if densest is None else densest.temperature))
+
+
+def _haff(law: Inelastic, whole: Transition, density: float, theta: float) -> float:
     """The temperature at the end of free cooling at a density: √θ' = -γ√θ - Cρθ, C = S(1 - ε²)/√π (Haff 1983)."""
-    c = scene.cross_section * (1 - scene.restitution**2) / math.sqrt(math.pi) * density
+    c = law.cross_section * (1 - law.restitution**2) / math.sqrt(math.pi) * density
     return (math.sqrt(theta) * whole.decay / (1 + c * math.sqrt(theta) * whole.drift_time)) ** 2
 
 

@@ -17,7 +17,7 @@ from kinetic_solver.errors import SceneError
 from kinetic_solver.operators.fourier import relative_amplitudes
 from kinetic_solver.plan.measured import LEAST_RTOL_OF_A_STEP
 from kinetic_solver.plan.scales import Scales
-from kinetic_solver.scene import FOLLOW_LEADER, Model
+from kinetic_solver.scene import Model
 from kinetic_solver.theory.ornstein_uhlenbeck import transition
 
 DROPPED = 10.0
@@ -59,7 +59,7 @@ class Waves:
         scene, rtol = scales.scene, scales.rtol
         if scene.initial.step is not None:
             amplitude = amplitude[: self.step_modes + 1]
-        if scene.operator == FOLLOW_LEADER and not scene.homogeneous:
+        if scales.amplifies and not scene.homogeneous:
             amplitude = np.maximum(amplitude, self.lifted_amplitudes[: amplitude.size])
         n = np.flatnonzero(amplitude > rtol / DROPPED)
         digits = np.log(DROPPED * amplitude[n] / rtol)
@@ -92,7 +92,7 @@ class Waves:
         """
         scales = self.scales
         scene, rtol = scales.scene, scales.rtol
-        if scene.operator is not None and rtol < LEAST_RTOL_OF_A_STEP and scene.grid.nx is None:
+        if scales.law is not None and rtol < LEAST_RTOL_OF_A_STEP and scene.grid.nx is None:
             raise SceneError(
                 f"accuracy.rtol = {rtol:g}: with initial.step collisions are accurate to {LEAST_RTOL_OF_A_STEP:g} only "
                 f"(products with a jump converge slowly in x); allowed: {LEAST_RTOL_OF_A_STEP:g} or more, smooth modes, or "
@@ -126,7 +126,7 @@ class Waves:
     def gauge_range(self) -> float:
         """S·(max - min) over x of the periodic part of the start's Φ = ∫ρ dx."""
         scene = self.scales.scene
-        if scene.homogeneous or scene.operator != FOLLOW_LEADER:
+        if scene.homogeneous or not self.scales.amplifies:
             return 0.0
         return scene.cross_section * float(np.ptp(self._potential))
 

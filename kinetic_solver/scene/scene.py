@@ -10,6 +10,7 @@ import numpy as np
 from pydantic import model_validator
 
 from kinetic_solver.arrays import Array
+from kinetic_solver.laws import PairLaw, law_of
 from kinetic_solver.scene import toml
 from kinetic_solver.scene.cadence import multiples
 from kinetic_solver.scene.tables import (
@@ -96,6 +97,11 @@ class Scene(Table):
         if self.collisions.operator == INELASTIC and self.restitution == 1:
             return None
         return self.collisions.operator
+
+    @property
+    def law(self) -> PairLaw | None:
+        """The collision law that acts: the record of which everything else asks."""
+        return law_of(self.operator, self.cross_section, self.restitution)
 
     @property
     def homogeneous(self) -> bool:

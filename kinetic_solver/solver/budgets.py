@@ -44,7 +44,7 @@ class Ledger:
         plan = start.plan
         self.frame = plan.reference_frame
         self.model = plan.reference_frame.model
-        self.collide = plan.inner.operator is not None
+        self.collide = plan.law is not None
         self._mixing = in_t.mixing_times(plan.scales, plan.waves)
         self._nodes: list[tuple[float, Array, Array]] = []
         self._booked = 0

@@ -7,8 +7,7 @@ import math
 import numpy as np
 
 from kinetic_solver.arrays import Array
-from kinetic_solver.operators.collisions import Inelastic
-from kinetic_solver.operators.collisions.inelastic import POINTS
+from kinetic_solver.operators.collisions import POINTS, RefinableRate
 from kinetic_solver.operators.fourier import relative_amplitudes
 from kinetic_solver.plan import Plan, in_t, in_v, measured
 from kinetic_solver.solver.observation import Observation
@@ -75,7 +74,7 @@ class ErrorEstimate:
 def _of_x(seen: Observation, diagnostics: dict[str, float]) -> float:
     if seen.grid.nx == 1:
         return 0.0
-    if seen.plan.inner.operator is None:
+    if seen.plan.law is None:
         if seen.plan.inner.initial.step is None:
             return 0.0  # waves do not couple, and those of the start are all there
         return float(relative_amplitudes(seen.f)[-1])
@@ -90,8 +89,7 @@ def _of_v(seen: Observation) -> float:
     if plan.drift_diffusion != "kernel":
         order = measured.FINITE_VOLUME_ERROR[plan.drift_diffusion][1]
         error += plan.inner.accuracy.rtol / in_v.finite_volumes(plan.scales, plan.drift_diffusion) ** order * seen.grid.dv**order
-    if plan.deposit is not None:
-        error += deposit_error(seen, seen.clock)
+    error += rate_error(seen, seen.clock)
     return error
 
 
@@ -107,11 +105,11 @@ def last_functions(seen: Observation) -> float:
     return float(size[-2:].max() / size.max())
 
 
-def deposit_error(seen: Observation, time: float) -> float:
-    """Of operator (12) on velocity points, by this time: max|ΔC|/max f, ΔC the difference that twice as many points in v make,
-    times how long it acts; 0 for other operators."""
+def rate_error(seen: Observation, time: float) -> float:
+    """Of a collision rate that has an error in dv, by this time: max|ΔC|/max f, ΔC the difference that twice as many points in v
+    make, times how long it acts; 0 for the others."""
     operator, f = seen.scheme.operator, seen.f
-    if not isinstance(operator, Inelastic):
+    if not isinstance(operator, RefinableRate):
         return 0.0
     nv = f.shape[1]
     half_cells = (1 / nv - 1 / (2 * nv)) / 2
@@ -122,8 +120,9 @@ def deposit_error(seen: Observation, time: float) -> float:
 
 def _acting(plan: Plan, time: float) -> float:
     """How long an error of the collision rate adds up: friction forgets it, and collisions, but for elastic ones."""
-    scene = plan.inner
-    return min(time, 1 / (scene.model.friction + plan.scales.collision_rate * (1 - scene.restitution**2)))
+    law = plan.law
+    forgotten = plan.inner.model.friction + (plan.scales.collision_rate * law.dissipation if law is not None else 0.0)
+    return min(time, 1 / forgotten) if forgotten > 0 else time
 
 
 ENOUGH_FOR_RATE, ENOUGH_FOR_WAVES = 0.05, 40.0
@@ -137,7 +136,7 @@ def enough_velocities(seen: Observation) -> int:
     nv, rtol = plan.grid.nv, plan.inner.accuracy.rtol
     if plan.deposit is None or plan.velocity == "hermite" or plan.drift_diffusion != "kernel":
         return nv
-    error = deposit_error(seen, plan.inner.run.end_time)
+    error = rate_error(seen, plan.inner.run.end_time)
     by_deposit = nv * (error / (ENOUGH_FOR_RATE * rtol)) ** (1 / POINTS[plan.deposit]) if error > 0 else 0.0
     waves = int(np.flatnonzero(relative_amplitudes(f, axis=1) > rtol / ENOUGH_FOR_WAVES)[-1])
     return min(nv, max(math.ceil(by_deposit), 2 * waves + 4))

@@ -257,7 +257,7 @@ class March:
     def _last_words(self) -> None:
         """Warns where given steps were too long, or too short for the kernel."""
         plan, scene = self.scheme.plan, self.scheme.plan.inner
-        if plan.stepping != "extrapolated" or scene.operator is None:
+        if plan.stepping != "extrapolated" or plan.law is None:
             return
         if plan.symmetric:
             shortest = self._shortest / _substeps(self.scheme)

@@ -11,11 +11,11 @@ import numpy as np
 
 from kinetic_solver.arrays import Array
 from kinetic_solver.errors import SolverStopped
+from kinetic_solver.laws import FollowTheLeader
 from kinetic_solver.operators.fourier import relative_amplitudes
 from kinetic_solver.operators.moments import moments
 from kinetic_solver.plan import Plan
-from kinetic_solver.scene import FOLLOW_LEADER, Scene
-from kinetic_solver.solver.estimate import deposit_error, last_functions, shortest_waves
+from kinetic_solver.solver.estimate import last_functions, rate_error, shortest_waves
 from kinetic_solver.solver.observation import Observation
 from kinetic_solver.theory.ornstein_uhlenbeck import transition
 
@@ -80,9 +80,9 @@ def free(plan: Plan, what: Quantity) -> bool:
 
 
 def folds(plan: Plan) -> bool:
-    """True where noise hardly acts on (12): free motion makes ever shorter waves in v, which may pass the shortest that dv holds
-    in a few steps."""
-    return plan.deposit is not None and plan.scales.noise_hardly_acts
+    """True where noise hardly acts beside collisions: free motion makes ever shorter waves in v, which may pass the shortest that
+    dv holds in a few steps."""
+    return plan.law is not None and not plan.law.linearises and plan.scales.noise_hardly_acts
 
 
 class Monitor:
@@ -119,7 +119,7 @@ class Monitor:
             "density_defect": seen.scheme.density_defect,
         }
         # Without collisions the linear step is exact for whatever the points represent.
-        if values["velocity_curvature"] > UNRESOLVED and (scene.operator is not None or scene.grid.nv is not None):
+        if values["velocity_curvature"] > UNRESOLVED and (seen.plan.law is not None or scene.grid.nv is not None):
             text = (
                 f"the velocity distribution has become narrower than 1.4 dv = {1.4 * grid.dv:.3g} and is no "
                 "longer resolved; raise grid.nv, narrow grid.velocity_window, or end the run earlier"
@@ -194,8 +194,8 @@ def _too_coarse(seen: Observation) -> Problem | None:
     if free(plan, "low"):  # an edge that cuts f, as a given window's may, has short waves of its own
         folding = folds(plan)
         error = shortest_waves(seen.f, HIGHEST_WAVES if folding else 0.0) / OVERRATED["waves"]
-        if plan.deposit is not None:
-            error = max(error, deposit_error(seen, seen.clock) / (1.0 if folding else OVERRATED["deposits"]))
+        if plan.law is not None:
+            error = max(error, rate_error(seen, seen.clock) / (1.0 if folding else OVERRATED["deposits"]))
         if error > rtol:
             text = (
                 f"the spacing in v is too coarse by an estimated {error:.2g} of max f; raise grid.nv (accuracy.rtol = {rtol:g})"
@@ -225,19 +225,19 @@ def amplified_waves(seen: Observation) -> Array:
 
 def _exponents(seen: Observation) -> Array:
     """R w - R²θ/2 where positive, w = u - v, R = Sρ(1 - e^(-γt))/γ, t the time that is left; (nx, nv) or (1, 1)."""
-    scene: Scene = seen.plan.inner
-    if scene.operator != FOLLOW_LEADER:
+    scene, law = seen.plan.inner, seen.plan.law
+    if not isinstance(law, FollowTheLeader):
         return np.zeros((1, 1))
     m = moments(seen.grid, seen.f)
     left = max(0.0, scene.run.end_time - seen.clock)
-    gain = scene.cross_section * m.density * transition(scene.model, left).drift_time
+    gain = law.cross_section * m.density * transition(scene.model, left).drift_time
     exponent = gain[:, None] * (m.mean_velocity[:, None] - seen.grid.v) - (gain**2 * m.temperature / 2)[:, None]
     return np.maximum(exponent, 0.0)
 
 
 def spectral_tail(seen: Observation) -> float:
     """The largest |f_k(v)| in the highest eighth of wavenumbers over the largest of all; 0 where modes do not couple."""
-    if seen.grid.nx < 3 or seen.plan.inner.operator is None:
+    if seen.grid.nx < 3 or seen.plan.law is None:
         return 0.0
     amplitude = relative_amplitudes(seen.f)
     return float(amplitude[amplitude.size - max(1, amplitude.size // 8) :].max())

@@ -14,8 +14,16 @@ from kinetic_solver import initial
 from kinetic_solver.arrays import Array
 from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.initial import initial_state, start_state
-from kinetic_solver.operators.collisions import FollowLeader, FollowLeaderHermite, Inelastic, InelasticHermite
-from kinetic_solver.operators.collisions.protocol import CollisionRate
+from kinetic_solver.laws import FollowTheLeader
+from kinetic_solver.operators.collisions import (
+    CollisionRate,
+    FollowLeader,
+    FollowLeaderHermite,
+    InelasticHermite,
+    PairCollisions,
+    in_hermite,
+    on_points,
+)
 from kinetic_solver.operators.linear import HermiteLinearStep, LinearStep
 from kinetic_solver.operators.linearised import GridLinearisedStep, HermiteLinearisedStep
 from kinetic_solver.operators.moments import totals
@@ -28,7 +36,6 @@ from kinetic_solver.operators.velocity import (
 from kinetic_solver.operators.velocity.kernel import resolution
 from kinetic_solver.plan import Plan
 from kinetic_solver.plan.in_hermite import basis_of, points_for_coefficients
-from kinetic_solver.scene import FOLLOW_LEADER
 from kinetic_solver.solver.regrid import regrid, resize
 from kinetic_solver.stepping import BaseMethod, Substep, lawson, strang
 
@@ -97,17 +104,19 @@ class VelocityPoints:
         return regrid(state, grid, self.plan.grid)
 
     def linearised(self, tolerance: float) -> GridLinearisedStep:
-        scene, grid = self.plan.inner, self.plan.grid
+        scene, grid, law = self.plan.inner, self.plan.grid, self.plan.law
+        assert isinstance(law, FollowTheLeader)
         drift_diffusion = self._drift_diffusion()
         if self.plan.drift_diffusion == "kernel":
             # Steps too short for the kernel are not built upon (stepping/exact_steps.py): its band-limited form will do.
             drift_diffusion = OrnsteinUhlenbeckKernel(grid, scene.model, resolution=resolution(scene.accuracy.rtol))
-        return GridLinearisedStep(grid, scene.model, scene.cross_section, drift_diffusion, tolerance)
+        return GridLinearisedStep(grid, scene.model, law.cross_section, drift_diffusion, tolerance)
 
     def split(self) -> BaseMethod:
         operator = collision_operator(self.plan)
-        assert isinstance(operator, FollowLeader | Inelastic)
-        if self.plan.stepping == "strang" or isinstance(operator, FollowLeader):
+        assert operator is not None
+        if self.plan.stepping == "strang" or self.plan.symmetric:
+            assert isinstance(operator, FollowLeader | PairCollisions)
             return strang(operator, self.linear)
         return lawson(operator.rate, self.linear)
 
@@ -118,7 +127,7 @@ class VelocityPoints:
         if self.plan.drift_diffusion == "finite-volume-8":
             return HighOrderFiniteVolume(grid, model)
         # Operator (6) amplifies errors in the slow tail: there a step too short for the kernel must stay accurate relative to f.
-        amplified = self.plan.inner.operator == FOLLOW_LEADER and model.friction * model.noise > 0
+        amplified = self.plan.scales.amplifies and model.friction * model.noise > 0
         return OrnsteinUhlenbeckKernel(grid, model, HighOrderFiniteVolume(grid, model) if amplified else None)
 
 
@@ -158,36 +167,35 @@ class HermiteCoefficients:
         return more[:, :count]
 
     def linearised(self, tolerance: float) -> HermiteLinearisedStep:
-        grid, scene = self.plan.grid, self.plan.inner
+        grid, scene, law = self.plan.grid, self.plan.inner, self.plan.law
+        assert isinstance(law, FollowTheLeader)
         return HermiteLinearisedStep(
-            grid.length, grid.nx, self.basis, scene.model, scene.cross_section, scene.initial.density, tolerance
+            grid.length, grid.nx, self.basis, scene.model, law.cross_section, scene.initial.density, tolerance
         )
 
     def split(self) -> BaseMethod:
-        scene = self.plan.inner
-        if scene.operator == FOLLOW_LEADER:
-            return lawson(FollowLeaderHermite(self.basis, scene.cross_section).rate, self.linear)
-        return lawson(InelasticHermite(self.basis, scene.cross_section, scene.restitution).rate, self.linear)
+        assert self.plan.law is not None
+        operator = in_hermite(self.plan.law, self.basis)
+        assert operator is not None
+        return lawson(operator.rate, self.linear)
 
 
 def collision_operator(plan: Plan) -> CollisionRate | None:
-    """The operator that the scene needs, for f on the plan's velocity points; None without collisions."""
-    scene = plan.inner
-    if scene.operator is None:
+    """The operator of the plan's law, for f on the plan's velocity points; None without collisions."""
+    law = plan.law
+    if law is None:
         return None
-    if scene.operator == FOLLOW_LEADER:
-        return FollowLeader(plan.grid.v, scene.cross_section)
-    if plan.velocity == "hermite":
-        basis = basis_of(scene, plan.grid.nv)
-        return _AtPoints(InelasticHermite(basis, scene.cross_section, scene.restitution), plan.grid.v)
-    assert plan.deposit is not None
-    return Inelastic(plan.grid.v, scene.cross_section, scene.restitution, plan.deposit)
+    if plan.velocity == "hermite" and not law.linearises:
+        operator = in_hermite(law, basis_of(plan.inner, plan.grid.nv))
+        assert operator is not None
+        return _AtPoints(operator, plan.grid.v)
+    return on_points(law, plan.grid.v, plan.deposit)
 
 
 class _AtPoints:
-    """Operator (12) in Hermite functions, for f on velocity points."""
+    """An operator in Hermite functions, for f on velocity points."""
 
-    def __init__(self, operator: InelasticHermite, velocity: Array) -> None:
+    def __init__(self, operator: FollowLeaderHermite | InelasticHermite, velocity: Array) -> None:
         self.operator, self.velocity = operator, velocity
         self.conserves = operator.conserves
         self._values = operator.basis.values(velocity)

@@ -56,7 +56,7 @@ def make_stepper(plan: Plan, representation: Representation) -> Stepper:
     """The stepper that the plan names."""
     scene, rtol = plan.inner, plan.inner.accuracy.rtol
     longest = math.inf if plan.time_step is None else plan.time_step
-    if scene.operator is None:
+    if plan.law is None:
         return ExactSteps(Plain(representation.linear))
     base = representation.split()
     if plan.stepping == "strang":

@@ -1,8 +1,8 @@
-"""What a collision operator is."""
+"""What a collision operator on the grid is."""
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from kinetic_solver.arrays import Array
 
@@ -25,4 +25,15 @@ class CollisionOperator(CollisionRate, Protocol):
 
     def __call__(self, f: Array, dt: float) -> Array:
         """f after dt of collisions alone."""
+        ...
+
+
+@runtime_checkable
+class RefinableRate(Protocol):
+    """A rate with an error of its own in dv, which the same on more points shows."""
+
+    def rate(self, f: Array) -> Array: ...
+
+    def on(self, nv: int) -> RefinableRate:
+        """The same operator on nv points in the same window."""
         ...

@@ -11,11 +11,20 @@ import pytest
 from scipy import stats
 from scipy.linalg import expm
 
+from kinetic_solver.laws import FollowTheLeader, Inelastic, PairLaw
 from kinetic_solver.scene import Model
-from particles.collisions import FOLLOW, collide
+from particles.collisions import collide
 from particles.ensemble import Ensemble
 from particles.langevin import LangevinStep
 from particles.random import COLLISIONS, key, words
+
+FOLLOW = -1.0
+"""Among restitution coefficients, for the law of (6)."""
+
+
+def law(restitution: float) -> PairLaw:
+    return FollowTheLeader(1.0) if restitution == FOLLOW else Inelastic(1.0, restitution)
+
 
 K = key(4, 0)
 
@@ -44,11 +53,11 @@ def slow(v: np.ndarray, starts: np.ndarray, rate: float, restitution: float, ste
             j += j >= i
             u, w = v[first + i], v[first + j]
             if (c + 0.5) / 2**32 * width < abs(u - w):
-                if restitution < 0:
-                    v[first + i] = v[first + j] = min(u, w)
-                else:
-                    middle, half = (u + w) / 2, restitution * (u - w) / 2
-                    v[first + i], v[first + j] = middle - half, middle + half
+                fast, slower = (i, j) if u > w else (j, i)
+                base, r = min(u, w), abs(u - w)
+                lost = 0.0 if restitution < 0 else 0.5 * (1 - restitution) * r
+                v[first + fast] = base + lost
+                v[first + slower] = base + (0.0 if restitution < 0 else 0.5 * (1 + restitution) * r)
     return v
 
 
@@ -67,7 +76,7 @@ def test_slow_twin(restitution: float, threads: int) -> None:
     before = numba.get_num_threads()
     numba.set_num_threads(threads)
     try:
-        collide(v, starts, 0.05, restitution, 9, K, np.zeros((6, 2), dtype=np.int64))
+        collide(v, starts, 0.05, law(restitution), 9, K, np.zeros((6, 2), dtype=np.int64))
     finally:
         numba.set_num_threads(before)
     assert np.array_equal(v, expected)
@@ -77,7 +86,7 @@ def test_what_each_operator_conserves() -> None:
     for restitution in (0.0, 0.6, 1.0, FOLLOW):
         v, starts, tally = ensemble(50, 40)
         before = v.reshape(50, 40).copy()
-        collide(v, starts, 0.05, restitution, 1, K, tally)
+        collide(v, starts, 0.05, law(restitution), 1, K, tally)
         after = v.reshape(50, 40)
         assert tally[:, 1].sum() > 500
         if restitution == FOLLOW:
@@ -98,7 +107,7 @@ def test_the_number_of_collisions_is_a_poisson_process() -> None:
     v, starts, tally = ensemble(1, each)
     v, starts, tally = np.tile(v, cells), each * np.arange(cells + 1), np.zeros((cells, 2), dtype=np.int64)
     expected = rate * np.abs(v[:each, None] - v[None, :each]).sum() / 2
-    collide(v, starts, rate, 1.0, 3, K, tally)
+    collide(v, starts, rate, law(1.0), 3, K, tally)
     counts = tally[:, 1]
     assert abs(counts.mean() - expected) < 4 * math.sqrt(expected / cells)
     assert counts.var() == pytest.approx(expected, rel=4 * math.sqrt(2 / cells + 1 / (expected * cells)))
@@ -112,7 +121,7 @@ def test_pairs_collide_in_proportion_to_their_relative_velocity() -> None:
     """Cells with one collision: ε = 1 shows which pair by its exchange, and does not change the rates."""
     cells, one = 60_000, np.array([-1.9, -0.4, 0.1, 0.7, 2.3])
     v, starts, tally = np.tile(one, cells), 5 * np.arange(cells + 1), np.zeros((cells, 2), dtype=np.int64)
-    collide(v, starts, 0.03, 1.0, 8, K, tally)
+    collide(v, starts, 0.03, law(1.0), 8, K, tally)
     changed = np.abs(v.reshape(cells, 5) - one)[tally[:, 1] == 1] > 1e-9
     assert len(changed) > 10_000
     assert (changed.sum(axis=1) == 2).all()
@@ -130,7 +139,7 @@ def test_a_pair_alone(parts: int) -> None:
     total = np.zeros(cells, dtype=np.int64)
     for part in range(parts):
         tally = np.zeros((cells, 2), dtype=np.int64)
-        collide(v, starts, time / parts, restitution, 40 + part, K, tally)
+        collide(v, starts, time / parts, law(restitution), 40 + part, K, tally)
         total += tally[:, 1]
     rates = distance * restitution ** np.arange(40)
     generator = np.diag(-rates) + np.diag(rates[:-1], 1)
@@ -158,7 +167,7 @@ def test_three_that_follow(parts: int) -> None:
     expected = cells * expm(time * generator)[states.index((1, 2, 0))]
     v = np.tile([levels[1], levels[2], levels[0]], cells)
     for part in range(parts):
-        collide(v, 3 * np.arange(cells + 1), time / parts, FOLLOW, 50 + part, K, np.zeros((cells, 2), dtype=np.int64))
+        collide(v, 3 * np.arange(cells + 1), time / parts, law(FOLLOW), 50 + part, K, np.zeros((cells, 2), dtype=np.int64))
     places = np.searchsorted(levels, v.reshape(cells, 3))
     observed = np.bincount(places @ [9, 3, 1], minlength=27)
     reached = expected > 1e-9
@@ -172,10 +181,10 @@ def test_cells_that_cannot_collide() -> None:
     starts = np.array([0, 0, 1, 1, 5, 8])
     v = np.array([0.3, 1.2, 1.2, 1.2, 1.2, -0.7, 0.4, 2.1])
     before, tally = v.copy(), np.full((5, 2), 77)
-    collide(v, starts, 0.0, FOLLOW, 2, K, tally)
+    collide(v, starts, 0.0, law(FOLLOW), 2, K, tally)
     assert np.array_equal(v, before)
     assert not tally.any()
-    collide(v, starts, 50.0, FOLLOW, 2, K, tally)
+    collide(v, starts, 50.0, law(FOLLOW), 2, K, tally)
     assert np.array_equal(v[:5], before[:5])
     assert not tally[:4].any()
     assert (v[5:] == -0.7).all()
@@ -188,7 +197,7 @@ def test_the_same_bits_at_any_number_of_threads(restitution: float) -> None:
         for threads in (1, 2):
             numba.set_num_threads(threads)
             v, starts, tally = ensemble(301, 23)
-            collide(v, starts, 0.05, restitution, 9, K, tally)
+            collide(v, starts, 0.05, law(restitution), 9, K, tally)
             found.append((v, tally))
     finally:
         numba.set_num_threads(before)
@@ -217,7 +226,7 @@ def test_homogeneous_states(restitution: float, temperature: float, excess: floa
         gas.advance_and_sort(half, 0, k)
         samples = []
         for step in range(1, 601):
-            collide(gas.v, gas.starts, rate * cells / count * h, restitution, step, k, tally)
+            collide(gas.v, gas.starts, rate * cells / count * h, law(restitution), step, k, tally)
             if step % every or step * gamma * h < 8:
                 gas.advance_and_sort(whole, 2 * step, k)
                 continue
@@ -241,7 +250,7 @@ def test_no_bias_at_any_step(restitution: float, power: int) -> None:
     for parts, first in ((1, 100), (8, 200)):
         v, starts, tally = ensemble(cells, each, seed=parts)
         for part in range(parts):
-            collide(v, starts, 0.08 / parts, restitution, first + part, K, tally)
+            collide(v, starts, 0.08 / parts, law(restitution), first + part, K, tally)
         moment = (v.reshape(cells, each) ** power).mean(axis=1)
         means.append((moment.mean(), moment.std() / math.sqrt(cells)))
     assert abs(means[0][0] - means[1][0]) < 4 * math.hypot(means[0][1], means[1][1])
@@ -254,6 +263,6 @@ def test_the_rate_of_cooling() -> None:
     expected = -rate * (1 - restitution**2) / 4 * (np.abs(v[:, None] - v[None, :]) ** 3).sum() / 2
     start = float((v**2).sum()) / 2
     v, starts, tally = np.tile(v, cells), each * np.arange(cells + 1), np.zeros((cells, 2), dtype=np.int64)
-    collide(v, starts, rate, restitution, 3, K, tally)
+    collide(v, starts, rate, law(restitution), 3, K, tally)
     change = (v.reshape(cells, each) ** 2).sum(axis=1) / 2 - start
     assert abs(change.mean() - expected) < 4 * change.std() / math.sqrt(cells) + 0.02 * abs(expected)

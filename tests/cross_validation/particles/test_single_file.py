@@ -12,12 +12,22 @@ import numpy as np
 import pytest
 
 from kinetic_solver.errors import SceneError
+from kinetic_solver.laws import FollowTheLeader, Inelastic, PairLaw
 from kinetic_solver.scene import Model
-from particles.collisions import FOLLOW
 from particles.random import OVERTAKINGS, key, words
-from particles.single_file import SingleFile, _advance, _fly, _settle, sticking
+from particles.single_file import SingleFile, _fly, _settle, sticking
+from particles.specialised import specialised
+
+FOLLOW = -1.0
+"""Among restitution coefficients, for the law of (6)."""
+
+
+def law(restitution: float) -> PairLaw:
+    return FollowTheLeader(1.0) if restitution == FOLLOW else Inelastic(1.0, restitution)
+
 
 K = key(4, 0)
+leaders = _kernel(FollowTheLeader)
 STILL = Model(gravity=0.0, friction=0.0, noise=0.0)
 
 
@@ -84,7 +94,10 @@ def test_a_slow_twin(probability: float, restitution: float) -> None:
         with localcontext(prec=60):
             expected = slow(exact_x, exact_v, length, Decimal(h), probability, restitution, seed)
         first = np.empty(16)
-        found = _fly(x, v, first, float(length), h, probability, restitution, np.uint64(seed), K[0], K[1], 1e6)
+        kind = law(restitution)
+        flight = specialised(_fly, kind.__class__, {}, after=numba.njit(kind.after))
+        keeps, place = "momentum" in kind.conserves, (np.uint64(seed), K[0], K[1])
+        found = flight(x, v, first, float(length), h, probability, kind.numbers, keeps, *place, 1e6)
         assert found == expected
         flown = x + v * h
         assert flown == pytest.approx([float(p) for p in exact_x], abs=1e-12)
@@ -105,7 +118,7 @@ def test_every_overtaking_is_counted(h: float) -> None:
     rng = np.random.default_rng(2)
     n, length = 300, 5.0
     x, v = rng.uniform(0, length, n), rng.normal(size=n)
-    file = SingleFile(x, v, length, 0.0, FOLLOW)
+    file = SingleFile(x, v, length, 0.0, law(FOLLOW))
     overtakings, collisions = file.advance(STILL, h, 1, 0, K)
     i, j = np.triu_indices(n, 1)
     before, after = (x[j] - x[i]) / length, (x[j] - x[i] + (v[j] - v[i]) * h) / length
@@ -122,7 +135,7 @@ def test_momentum_and_order(restitution: float) -> None:
     """Momentum is exact once v is rounded to multiples of 2^-52 of the largest's power of two."""
     rng = np.random.default_rng(3)
     n, length = 2000, 5.0
-    file = SingleFile(rng.uniform(0, length, n), 2 + rng.normal(size=n), length, 0.3, restitution)
+    file = SingleFile(rng.uniform(0, length, n), 2 + rng.normal(size=n), length, 0.3, law(restitution))
     grain = 2.0 ** (math.frexp(np.abs(file.v).max())[1] - 52)
     momentum, energy = sum(map(Fraction, grain * np.rint(file.v / grain))), (file.v**2).sum()
     assert abs(float(momentum) - file.v.sum()) < 1e-11
@@ -149,7 +162,7 @@ def test_places_next_to_whole_lengths() -> None:
                 assert 0 <= place[0] < length
                 assert place[0] == place[1]
     v = rng.normal(size=3000)
-    assert np.array_equal(SingleFile(np.full(3000, 0.2), v, 1.0, 0.5, FOLLOW).v, v)
+    assert np.array_equal(SingleFile(np.full(3000, 0.2), v, 1.0, 0.5, law(FOLLOW)).v, v)
 
 
 @pytest.mark.parametrize("restitution", [FOLLOW, 0.5])
@@ -161,7 +174,7 @@ def test_the_rate_of_collisions(restitution: float) -> None:
     for seed in range(300):
         rng = np.random.default_rng(seed)
         file = SingleFile(
-            rng.uniform(0, length, n), math.sqrt(theta) * rng.normal(size=n), length, cross_section * weight, restitution
+            rng.uniform(0, length, n), math.sqrt(theta) * rng.normal(size=n), length, cross_section * weight, law(restitution)
         )
         counts.append(file.advance(STILL, h, 1, seed, key(seed, 0)))
     overtakings, collisions = np.array(counts, dtype=float).T
@@ -190,7 +203,7 @@ def test_second_order_in_the_step(model: Model, exact) -> None:  # type: ignore[
     reach, fall = exact(3.0)
     errors = []
     for steps in (4, 8, 16, 32):
-        file = SingleFile(np.array([1.0]), np.array([2.0]), 1e3, 0.0, FOLLOW)
+        file = SingleFile(np.array([1.0]), np.array([2.0]), 1e3, 0.0, law(FOLLOW))
         file.advance(model, 3.0, steps, 0, K)
         errors.append(abs(file.x[0] - 1 - 2 * reach - fall))
     if model.friction == 0:
@@ -223,7 +236,7 @@ def test_the_noise_of_places() -> None:
     assert 1.95 < orders[-1] < 2.05
     n = 200_000
     start = 100.0 * np.arange(n)
-    file = SingleFile(start, np.zeros(n), 100.0 * n, 0.0, FOLLOW)
+    file = SingleFile(start, np.zeros(n), 100.0 * n, 0.0, law(FOLLOW))
     overtakings, _ = file.advance(model, time, 2, 5, K)
     assert overtakings == 0
     shift = file.length if file.x[-1] > file.length + 50 else 0.0
@@ -240,7 +253,7 @@ def test_the_same_bits_from_a_state_and_on_threads(restitution: float) -> None:
 
     def start(replica: int) -> SingleFile:
         rng = np.random.default_rng(replica)
-        return SingleFile(rng.uniform(0, length, n), rng.normal(size=n), length, 0.3, restitution)
+        return SingleFile(rng.uniform(0, length, n), rng.normal(size=n), length, 0.3, law(restitution))
 
     def go(file: SingleFile, replica: int, first: int, last: int) -> SingleFile:
         for piece in range(first, last):
@@ -256,7 +269,7 @@ def test_the_same_bits_from_a_state_and_on_threads(restitution: float) -> None:
         for middle in range(1, pieces):
             half = go(start(replica), replica, 0, middle)
             ties += int((np.diff(half.x) == 0).sum())
-            resumed = go(SingleFile(half.x, half.v, length, 0.3, restitution), replica, middle, pieces)
+            resumed = go(SingleFile(half.x, half.v, length, 0.3, law(restitution)), replica, middle, pieces)
             assert np.array_equal(resumed.x, file.x)
             assert np.array_equal(resumed.v, file.v)
         assert np.array_equal(together[replica].x, file.x)
@@ -275,7 +288,9 @@ def test_homogeneous_states(restitution: float, strength: float, u: float, theta
     means = np.empty((replicas, 2))
     for replica in range(replicas):
         rng = np.random.default_rng(replica)
-        file = SingleFile(rng.uniform(0, length, n), u + math.sqrt(theta) * rng.normal(size=n), length, probability, restitution)
+        file = SingleFile(
+            rng.uniform(0, length, n), u + math.sqrt(theta) * rng.normal(size=n), length, probability, law(restitution)
+        )
         samples = []
         for piece in range(24):
             file.advance(model, 0.5, 10, 11 * piece, key(1, replica))
@@ -296,7 +311,7 @@ def ages(samples, longest, probability, k0, k1):  # type: ignore[no-untyped-def]
         x[:], v[:], age, collisions = 5e8, 0.0, 0, 0
         while collisions == 0 and age <= longest:
             number = 2 * (sample * (longest + 1) + age)
-            _, collisions, _ = _advance(x, v, first, 1e9, probability, -1.0, 1.0, 1, noise, noise, number, k0, k1, 100.0)
+            _, collisions, _ = leaders(x, v, first, 1e9, probability, (1.0,), False, 1.0, 1, noise, noise, number, k0, k1, 100.0)
             age += 1
         found[sample] = age
     return found
@@ -325,7 +340,7 @@ def test_sticking() -> None:
 @pytest.mark.parametrize(("restitution", "collapses"), [(0.05, True), (0.1, False)])
 def test_inelastic_collapse_ends_in_rounding(restitution: float, collapses: bool) -> None:
     """Three particles collapse where ε < 7 - 4√3 = 0.072 (S. McNamara and W. R. Young 1992): their velocities become one."""
-    file = SingleFile(np.array([1.0, 2.0, 3.0]), np.array([1.0, 0.1, -1.0]), 100.0, 1.0, restitution)
+    file = SingleFile(np.array([1.0, 2.0, 3.0]), np.array([1.0, 0.1, -1.0]), 100.0, 1.0, law(restitution))
     overtakings, collisions = file.advance(STILL, 40.0, 1, 0, K)
     assert overtakings == collisions < 200
     assert (overtakings > 10) == collapses
@@ -339,7 +354,7 @@ def test_many_particles_collapse_in_one_flight(restitution: float) -> None:
     rng = np.random.default_rng(5)
     n, length = 100, 10.0
     x, v = np.sort(rng.uniform(0, length, n)), rng.normal(size=n)
-    file = SingleFile(x, v, length, 1.0, restitution)
+    file = SingleFile(x, v, length, 1.0, law(restitution))
     overtakings, collisions = file.advance(STILL, 5.0, 1, 0, K)
     assert overtakings == collisions
     assert overtakings > (1000 * n if 0 <= restitution < 0.5 else n / 2)
@@ -350,12 +365,12 @@ def test_many_particles_collapse_in_one_flight(restitution: float) -> None:
 
 def test_refusals() -> None:
     with pytest.raises(SceneError, match=r"particles.count: with 4 particles .* is 1.6; allowed: up to 1; raise .* to 7 or more"):
-        SingleFile(np.zeros(4), np.zeros(4), 1.0, 1.6, FOLLOW)
+        SingleFile(np.zeros(4), np.zeros(4), 1.0, 1.6, law(FOLLOW))
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf])
 def test_not_a_number_stops(bad: float) -> None:
-    file = SingleFile(np.array([0.1, 0.4, 0.7]), np.array([0.0, bad, 1.0]), 1.0, 0.5, 0.5)
+    file = SingleFile(np.array([0.1, 0.4, 0.7]), np.array([0.0, bad, 1.0]), 1.0, 0.5, law(0.5))
     with pytest.raises(RuntimeError, match="not a finite number"):
         file.advance(Model(), 0.1, 1, 0, K)
 
@@ -363,6 +378,6 @@ def test_not_a_number_stops(bad: float) -> None:
 def test_too_many_overtakings_stop() -> None:
     """All particles in one place: more meetings than 100 times a homogeneous gas has."""
     n = 3000
-    file = SingleFile(np.full(n, 0.5), -np.sort(np.random.default_rng(1).normal(size=n)), 1e3, 0.0, FOLLOW)
+    file = SingleFile(np.full(n, 0.5), -np.sort(np.random.default_rng(1).normal(size=n)), 1e3, 0.0, law(FOLLOW))
     with pytest.raises(RuntimeError, match=r"overtakings of a homogeneous gas in one step of 0\.01, .*raise particles\.count"):
         file.advance(STILL, 0.01, 1, 0, K)
