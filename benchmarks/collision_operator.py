@@ -17,8 +17,7 @@ import numba
 import numpy as np
 
 from benchmarks.timing import best
-from kinetic_solver.operators.collisions import FollowLeader, Inelastic
-from kinetic_solver.operators.collisions.inelastic import POINTS
+from kinetic_solver.operators.collisions import POINTS, FollowLeader, Inelastic
 
 NX, NV, RESTITUTION, S = 64, 256, 0.5, 1.0
 

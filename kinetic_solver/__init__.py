@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from kinetic_solver import compare, exact, stability
     from kinetic_solver.analysis.certification import certify
     from kinetic_solver.errors import KineticError, OutputExistsError, RunUnfinished, SceneError, SolverStopped
+    from kinetic_solver.laws import CollisionLaw, PairLaw
     from kinetic_solver.methods import run_to_file
     from kinetic_solver.scene import Scene
     from kinetic_solver.solver.solve import solve
@@ -19,8 +20,10 @@ if TYPE_CHECKING:
     __version__: str
 
 __all__ = [
+    "CollisionLaw",
     "KineticError",
     "OutputExistsError",
+    "PairLaw",
     "RunUnfinished",
     "Scene",
     "SceneError",
@@ -35,6 +38,8 @@ __all__ = [
 ]
 
 _HOME = {
+    "CollisionLaw": "laws",
+    "PairLaw": "laws",
     "KineticError": "errors",
     "OutputExistsError": "errors",
     "RunUnfinished": "errors",

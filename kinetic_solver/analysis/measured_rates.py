@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kinetic_solver.arrays import Array
-from kinetic_solver.dataset import scene_of
+from kinetic_solver.dataset import refuse_law, scene_of
 from kinetic_solver.errors import SceneError
 from kinetic_solver.scene import Scene
 from kinetic_solver.stability import closure_rates, growth_rates, kinetic_rates, structure_factor
@@ -48,6 +48,7 @@ def measured_rates(dataset: xr.Dataset, modes: int | Iterable[int] | None = None
     frames, or is beyond the grid. Test: tests/linear_theory/test_measured_rates.py.
     Raises SceneError where the dataset lacks the density or has one point in x.
     """
+    refuse_law(dataset)
     scene = scene_of(dataset)
     if "density" not in dataset or dataset.sizes["x"] < 3:
         raise SceneError("the dataset has no density over x to measure growth rates from; set output.moments = true, nx > 2")

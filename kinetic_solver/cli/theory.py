@@ -47,9 +47,10 @@ def stability(
 
 
 def _scene_of_run(run: Path) -> Scene:
-    from kinetic_solver.dataset import open_run, scene_of
+    from kinetic_solver.dataset import open_run, refuse_law, scene_of
 
     with open_run(run) as dataset:
+        refuse_law(dataset)
         return scene_of(dataset, run)
 
 

@@ -112,10 +112,10 @@ class EnsembleSide(Side):
         """The largest S(k) of a single ensemble, whose parts are not independent of one another; 1 for replicas, which are."""
         from kinetic_solver.stability import structure_factor
 
-        law = self.law
-        if self._shape[0] > 1 or law is None or law.operator is None or law.model.friction * law.model.noise == 0:
+        ruling = self.ruling
+        if self._shape[0] > 1 or ruling is None or ruling.law is None or ruling.model.friction * ruling.model.noise == 0:
             return 1.0
-        return float(structure_factor(law, range(1, 9)).max())
+        return float(structure_factor(ruling, range(1, 9)).max())
 
     def _fields(self, time: float, points: Points) -> dict[str, Array]:
         """All fields on the points, of the frame nearest to this time."""
@@ -125,7 +125,7 @@ class EnsembleSide(Side):
         x, u = frame_of_particles(self.dataset, 0 if np.isnan(times).all() else int(np.nanargmin(np.abs(times - time))))
         if not (np.isfinite(x).all() and np.isfinite(u).all()):
             raise SceneError(f"{self.name}: positions or velocities at t = {time:g} are not finite")
-        assert self.law is not None
+        assert self.ruling is not None
         if len(x) > 1:
             parts = list(zip(x, u, strict=True))
         else:  # at random: particles may be in an order
@@ -133,7 +133,7 @@ class EnsembleSide(Side):
             parts = [(x[0, chosen], u[0, chosen]) for chosen in np.array_split(shuffled, self._parts)]
         samples = []
         for places, velocities in parts:
-            sampler = Sampler(points.length, points.nx, points.v, self.law.initial.density * points.length / places.size)
+            sampler = Sampler(points.length, points.nx, points.v, self.ruling.initial.density * points.length / places.size)
             samples.append(sampler.sample(np.ascontiguousarray(places), np.ascontiguousarray(velocities)))
         self._seen = (time, points.nx), fields(samples, points.length, points.nx, points.v)
         return self._seen[1]

@@ -21,6 +21,7 @@ from kinetic_solver.compare.rows import LEAST_COUNT, MEAN, Both, Row, W, of_all,
 from kinetic_solver.compare.shared import common_velocities, differences, listed, shared_times
 from kinetic_solver.compare.sides import Side
 from kinetic_solver.compare.values import OVER_X, TOTALS, Points, Values, mean_of
+from kinetic_solver.dataset import law_of_run
 from kinetic_solver.errors import SceneError
 
 UNRESOLVED = 1e-3
@@ -58,9 +59,9 @@ def compare(
         raise SceneError(f"{a.name}, {b.name}: neither has a scene, so the period is not known; allowed: one run of this solver")
     if time is not None and not any(np.isnan(side.times("density")).any() for side in (a, b)):
         raise SceneError(f"time = {time:g}: both have times of their own; allowed: for particles that have none")
-    notes = [*differences(a, b), *_unusable(a), *_unusable(b)]
+    notes = [*differences(a, b), *_unusable(a), *_unusable(b), *_laws(a), *_laws(b)]
     for side in (a, b):
-        side.law = side.scene or scene
+        side.ruling = side.scene or scene
     nx = min(a.nx, b.nx)
     points = Points(nx - 1 + nx % 2, common_velocities(a, b), scene.pipe.length)  # odd: an even nx has a wave without a sine
     rows: list[Row] = []
@@ -81,6 +82,12 @@ def compare(
     if (worst := max(row.bound / row.scale if row.scale else 0.0 for row in rows)) > COARSE:
         notes.append(f"the systematic part may be {worst:.2g} of the fields: nothing smaller is seen")
     return Comparison((a.describe(), b.describe()), rows, list(dict.fromkeys(notes)), level, scene)
+
+
+def _laws(side: Side) -> list[str]:
+    """A collision law of its own: then what chance and steps do to particles is bounded as without collisions."""
+    name = law_of_run(side.dataset)
+    return [] if name is None else [f"{side.name}: law {name!r} is not the scene's own: no prediction is made for its collisions"]
 
 
 def _unusable(side: Side) -> list[str]:

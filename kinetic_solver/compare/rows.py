@@ -78,7 +78,7 @@ class Both:
     @property
     def length(self) -> float:
         """The period."""
-        return next(side.law.pipe.length for side in (self.a, self.b) if side.law)
+        return next(side.ruling.pipe.length for side in (self.a, self.b) if side.ruling)
 
     @property
     def scatter(self) -> bool:
@@ -98,7 +98,9 @@ class Both:
 
         Replicas may count the same by chance; their scatter then says that there is none.
         """
-        mass = sum(side.law.initial.density * side.law.pipe.length / side.number for side in (self.a, self.b) if side.law)
+        mass = sum(
+            side.ruling.initial.density * side.ruling.pipe.length / side.number for side in (self.a, self.b) if side.ruling
+        )
         return np.asarray(np.maximum(points, 0) * mass / cell)
 
     def of_bins(self, v: Array) -> float:

@@ -28,7 +28,7 @@ class Side(abc.ABC):
         self.name = name
         """What messages call it."""
         self.scene = scene
-        self.law = scene
+        self.ruling = scene
         """The scene whose density particles without one take, and whose S(k) a single ensemble is taken to have."""
         self.bounds = {} if scene is None else systematic_parts(dataset, scene)
 

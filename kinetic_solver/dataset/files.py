@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -45,6 +46,17 @@ def scene_of(dataset: xr.Dataset, source: str | Path = "dataset") -> Scene:
 
 def _no_scene(source: str | Path) -> SceneError:
     return SceneError(f"{source}: was not written by kinetic-solver (it has no scene)")
+
+
+def law_of_run(dataset: xr.Dataset) -> str | None:
+    """The name of the collision law that a run was given beside its scene (docs/extending.md); None where it had none."""
+    return None if "law" not in dataset.attrs else str(json.loads(dataset.attrs["law"])["name"])
+
+
+def refuse_law(dataset: xr.Dataset) -> None:
+    """Raises SceneError where a run had a law of its own, of which linear theory knows nothing."""
+    if (name := law_of_run(dataset)) is not None:
+        raise SceneError(f"law {name!r}: there is no linear theory of it here; allowed: a run of the scene's own collisions")
 
 
 def refuse_existing(path: str | Path, overwrite: bool = False) -> None:

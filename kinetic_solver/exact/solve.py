@@ -14,7 +14,7 @@ from kinetic_solver.dataset import Frame, MemoryRecorder, Variables, schema
 from kinetic_solver.errors import SceneError
 from kinetic_solver.exact.solution import Solution
 from kinetic_solver.grid import PhaseSpaceGrid
-from kinetic_solver.scene import INELASTIC, Scene, Schedule
+from kinetic_solver.scene import Scene, Schedule
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -69,7 +69,7 @@ def frames(scene: Scene, grid: PhaseSpaceGrid, schedule: Schedule) -> Iterator[t
 
 def points(scene: Scene, x: ArrayLike | None = None, v: ArrayLike | None = None) -> PhaseSpaceGrid:
     """The points of the scene's exact solution, as `solve` has them. Raises SceneError as `solve` does."""
-    if scene.operator == INELASTIC:
+    if scene.law is not None and not scene.law.linearises:
         raise SceneError(
             "collisions.operator = 'inelastic': has no closed form; allowed for the exact method: 'follow-the-leader', none"
         )

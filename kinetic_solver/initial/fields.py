@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kinetic_solver.arrays import Array
-from kinetic_solver.scene import INELASTIC, Scene, fourier_sum
+from kinetic_solver.scene import Scene, fourier_sum
 from kinetic_solver.stability.homogeneous import HomogeneousState, homogeneous_state
 
 
@@ -17,7 +17,8 @@ def start_state(scene: Scene) -> tuple[float, float]:
     """
     start, model = scene.initial, scene.model
     u0, theta0 = start.mean_velocity, start.temperature
-    if u0 is None and theta0 is not None and scene.operator == INELASTIC and model.friction * model.noise > 0:
+    keeps_momentum = scene.law is not None and "momentum" in scene.law.conserves
+    if u0 is None and theta0 is not None and keeps_momentum and model.friction * model.noise > 0:
         u0 = model.gravity / model.friction  # known without solving for the temperature
     if u0 is None or theta0 is None:
         state = homogeneous_state(scene)

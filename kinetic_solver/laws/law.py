@@ -9,6 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from kinetic_solver.arrays import Array
+from kinetic_solver.errors import SceneError
 
 PROBE_POINTS = 96
 """Velocity points on which `CollisionLaw.frequency` looks at an unknown law."""
@@ -33,7 +34,7 @@ class CollisionLaw:
 
     def rate(self, f: Array, v: Array) -> Array:
         """∂f/∂t by collisions, (nx, nv): f (nx, nv) holds point values at uniform velocities v (nv,)."""
-        raise NotImplementedError
+        raise SceneError(f"operator {self.label}: has no rate(f, v); the grid needs one")
 
     @property
     def has_rate(self) -> bool:
@@ -90,7 +91,7 @@ class PairLaw(CollisionLaw):
         (0, 0) is follow the leader, (0, r) changes nothing; both lie between 0 and r, the first being the one left behind. What
         follows r are the law's numbers, in the order of its attributes. A plain function: numba compiles it for the particles.
         """
-        raise NotImplementedError
+        raise SceneError("a law of pairs needs after(r, …)")
 
     @property
     def has_rate(self) -> bool:

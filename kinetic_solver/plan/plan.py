@@ -37,8 +37,8 @@ from kinetic_solver.scene import (
 
 MOST_VELOCITIES = 20_000
 """Of the output of a noiseless run. Chosen: more are asked for by mistake."""
-CHECKED_VELOCITIES = 200
-"""On which a law of one's own is looked at before a run: enough for Maxwellians to round-off."""
+CHECKED_VELOCITIES, CHECKED_REACH = 240, 9.5
+"""Points, and thermal velocities, on which a law of one's own is looked at before a run: Maxwellians end there to round-off."""
 MEMORY_TIME = 5.0
 """Relaxation times for which the errors of steps last: exp(-5) of them is left then."""
 STATE_ARRAYS = 30
@@ -200,9 +200,10 @@ def _make_plan(scene: Scene, known: Mapping[str, str], law: CollisionLaw | None)
 
 
 def _check(law: CollisionLaw, scales: Scales) -> None:
-    """The law on the start, at two places, and on what is far from a Maxwellian: the two superposed, displaced."""
-    window = in_v.window(scales)
-    v = window.low + window.width / CHECKED_VELOCITIES * (np.arange(CHECKED_VELOCITIES) + 0.5)
+    """The law on the start at two places, and on what is far from a Maxwellian: each beside a displaced one of half its width."""
+    reach = CHECKED_REACH * math.sqrt(float(scales.temperature.max()))
+    low, high = float(scales.mean_velocity.min()) - reach, float(scales.mean_velocity.max()) + reach
+    v = low + (high - low) / CHECKED_VELOCITIES * (np.arange(CHECKED_VELOCITIES) + 0.5)
     places = [0, scales.density.size // 3]
     fields = (scales.density[places], scales.mean_velocity[places], scales.temperature[places])
     f = initial.maxwellian(*fields, v)

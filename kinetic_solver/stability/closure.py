@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kinetic_solver.errors import SceneError
-from kinetic_solver.scene import FOLLOW_LEADER, INELASTIC, Scene
+from kinetic_solver.laws import Inelastic
+from kinetic_solver.scene import Scene
 from kinetic_solver.stability.units import Complex, stationary, wavenumber
 from kinetic_solver.threads import with_one_blas_thread
 
@@ -43,14 +44,15 @@ def closure_rates(scene: Scene, mode: int = 1) -> Complex:
     gamma, sigma = scene.model.friction, scene.model.noise
     k = wavenumber(scene, mode)
     rate = scene.cross_section * scene.initial.density
-    if scene.operator == INELASTIC:
-        c = rate * (1 - scene.restitution**2) / math.sqrt(math.pi)
+    law = scene.law
+    if isinstance(law, Inelastic):
+        c = rate * (1 - law.restitution**2) / math.sqrt(math.pi)
         theta = closure_temperature(gamma, sigma, c)
         a, b = 2 * gamma + 3 * c * math.sqrt(theta), 2 * c * theta**1.5
         cubic = [1, gamma + a, a * gamma + 3 * k * k * theta, k * k * (a * theta - b)]
         velocity = scene.model.gravity / gamma
     else:
-        drag = rate if scene.operator else 0.0
+        drag = rate if law is not None else 0.0
         wave, drive = k * k * sigma, 1j * k * sigma * drag
         cubic = [1, 3 * gamma, 2 * gamma**2 + 3 * (wave - drive), 2 * gamma * (wave - drive)]
         velocity = (scene.model.gravity - drag * sigma) / gamma
@@ -78,7 +80,7 @@ def critical_density(scene: Scene, mode: int = 1, moments: int = 3) -> float:
         raise SceneError(f"moments = {moments}: must be 2 or more")
     k = wavenumber(scene, mode)
     gamma, sigma = scene.model.friction, scene.model.noise
-    if scene.operator != FOLLOW_LEADER or gamma * sigma == 0:
+    if scene.law is None or not scene.law.linearises or gamma * sigma == 0:
         return math.inf
     unit = gamma / (math.sqrt(sigma) * scene.cross_section)
     """The density at which R* = 1."""

@@ -6,7 +6,8 @@ import math
 from typing import Protocol
 
 from kinetic_solver.arrays import Array
-from kinetic_solver.scene import INELASTIC, Scene
+from kinetic_solver.laws import Inelastic
+from kinetic_solver.scene import Scene
 from kinetic_solver.stability.follow_leader import FollowLeaderFlow
 from kinetic_solver.stability.hermite import HermiteEquations
 from kinetic_solver.stability.inelastic import inelastic_flow
@@ -44,7 +45,8 @@ def flow_of(scene: Scene) -> tuple[Flow, Units]:
     stationary(scene)
     g, gamma, sigma = scene.model.gravity, scene.model.friction, scene.model.noise
     number = scene.groups.collision_number
-    if scene.operator == INELASTIC:
-        return inelastic_flow(scene.restitution, number), Units(gamma, sigma, g / gamma)
-    number = number if scene.operator else 0.0
+    law = scene.law
+    if isinstance(law, Inelastic):
+        return inelastic_flow(law.restitution, number), Units(gamma, sigma, g / gamma)
+    number = number if law is not None else 0.0
     return FollowLeaderFlow(number), Units(gamma, sigma, g / gamma - number * math.sqrt(sigma))

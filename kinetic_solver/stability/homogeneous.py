@@ -12,7 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kinetic_solver.scene import INELASTIC, Scene
+from kinetic_solver.laws import Inelastic
+from kinetic_solver.scene import Scene
 from kinetic_solver.stability.inelastic import inelastic_flow
 
 FINER = 8
@@ -43,10 +44,11 @@ def homogeneous_state(scene: Scene) -> HomogeneousState | None:
     if gamma * sigma == 0:
         return None
     rate = scene.cross_section * scene.initial.density
-    if scene.operator == INELASTIC:
-        theta, a2, distance = _inelastic(scene.restitution, rate * math.sqrt(sigma) / gamma)
+    law = scene.law
+    if isinstance(law, Inelastic):
+        theta, a2, distance = _inelastic(law.restitution, rate * math.sqrt(sigma) / gamma)
         return HomogeneousState(g / gamma, theta * sigma, a2, rate * distance * math.sqrt(sigma))
-    drag = rate * sigma if scene.operator else 0.0
+    drag = rate * sigma if law is not None else 0.0
     return HomogeneousState((g - drag) / gamma, sigma, 0.0, rate * 2 * math.sqrt(sigma / math.pi))
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from kinetic_solver.arrays import Array
 from kinetic_solver.errors import SceneError
-from kinetic_solver.scene import INELASTIC, Scene, fourier_sum
+from kinetic_solver.scene import Scene, fourier_sum
 from kinetic_solver.stability.flow import flow_of
 
 if TYPE_CHECKING:
@@ -96,7 +96,7 @@ def _refuse(scene: Scene, moments: int) -> None:
     start = scene.initial
     if moments < 3:
         raise SceneError(f"moments = {moments}: allowed: 3 or more")
-    if scene.operator == INELASTIC:
+    if scene.law is not None and not scene.law.linearises:
         raise SceneError('collisions.operator = "inelastic": the truncated run is for "follow-the-leader" or no collisions')
     for key, given in (("file", start.file), ("step", start.step), ("eigenmodes", start.eigenmodes)):
         if given:

@@ -19,12 +19,14 @@ ROOT = Path(__file__).parents[2]
 PACKAGES = ("kinetic_solver", "particles")
 
 BASE = {"arrays", "errors", "machine", "threads"}
-SCENE = BASE | {"scene"}
+LAWS = BASE | {"laws"}
+SCENE = LAWS | {"scene"}
 SHARED = SCENE | {"theory", "grid", "stability", "dataset", "initial"}
 """What both sides of a cross-check may share."""
 ALL = SHARED | {"operators", "stepping", "exact", "particles", "plan", "solver", "compare"}
 ALLOWED: dict[str, set[str]] = {
     **dict.fromkeys(BASE, BASE),
+    "laws": BASE,
     "scene": SCENE,
     "theory": SCENE,
     "grid": SCENE,

@@ -15,7 +15,7 @@ from kinetic_solver.errors import SceneError
 from kinetic_solver.laws import FollowTheLeader, Inelastic, PairLaw
 from kinetic_solver.scene import Model
 from particles.random import OVERTAKINGS, key, words
-from particles.single_file import SingleFile, _fly, _settle, sticking
+from particles.single_file import SingleFile, _fly, _kernel, _settle, sticking
 from particles.specialised import specialised
 
 FOLLOW = -1.0
