@@ -60,6 +60,13 @@ class Gas:
         rho, m, e = state
         return np.stack([rho, decay * m + gain * rho, decay * (decay * e + gain * m) + 0.5 * (gain * gain + heat) * rho])
 
+    def drift(self, velocity: float, time: float) -> float:
+        """How far gas of this mean velocity moves under gravity and friction."""
+        if self.friction == 0:
+            return velocity * time + 0.5 * self.gravity * time**2
+        while_slowing = -math.expm1(-self.friction * time) / self.friction
+        return velocity * while_slowing + self.gravity / self.friction * (time - while_slowing)
+
 
 @numba.njit(cache=True)
 def collide(state: Array, drag: float, usual_drag: float, cooling: float, usual_cooling: float, out: Array) -> None:

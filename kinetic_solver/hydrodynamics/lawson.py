@@ -45,7 +45,8 @@ class ClosureSteps:
         Raises SolverStopped where the state is lost.
         """
         # Seen from where the gas is at rest on average, or nearly: from a frame that moves by whole cells
-        cells = round(float(state[1].sum() / state[0].sum()) * (end - start) / self.dx)
+        drift = self.gas.drift(float(state[1].sum() / state[0].sum()), end - start)
+        cells = round(drift / self.dx)
         frame = cells * self.dx / (end - start)
         moved, now = _boosted(state, -frame), start
         if start == 0:
@@ -55,17 +56,17 @@ class ClosureSteps:
             step = min(self.longest, 1 / (speed / (COURANT * self.dx) + rate) / LONGEST_EULER)
             if speed > self._bound:
                 raise SolverStopped(
-                    f"t = {now:.6g}: waves of speed {speed:.3g}: the closure runs away, as shocks heat the gas and collisions drive "
-                    "it on; end before that, or lower initial.density or the wavelength"
+                    f"t = {now:.6g}: waves of speed {speed:.3g}: the closure runs away (shocks heat what collisions drive); "
+                    "end before that, or lower initial.density"
                 )
             count = math.ceil((end - now) / step * (1 - 1e-12))
-            try:
-                moved, then = self._step(moved, (end - now) / count, frame, now), now + (end - now) / count
-            except _TooLong:  # waves became faster within the step
-                then = now + (end - now) / (2 * count)
-                moved = self._step(moved, then - now, frame, now)
-                count = 0
-            now = end if count == 1 else then
+            while True:
+                try:
+                    moved = self._step(moved, (end - now) / count, frame, now)
+                    break
+                except _TooLong:  # waves became faster within the step
+                    count *= 2
+            now = end if count == 1 else now + (end - now) / count
             self.steps += 1
             if watch is not None:
                 watch(now)

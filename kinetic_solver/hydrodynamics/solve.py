@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-
 from kinetic_solver.dataset import VARIABLES, MemoryRecorder, Recorder, Variables
 from kinetic_solver.errors import SolverStopped
 from kinetic_solver.hydrodynamics.plan import Plan, make_plan
