@@ -1,4 +1,5 @@
-"""A twin of the closure in another discretisation and other variables: (3)-(5) as printed, Fourier transforms in x, DOP853 in t."""
+"""A twin of the closure in another discretisation and other variables: (3)-(5) as printed, Fourier transforms in x, DOP853 in
+t."""
 
 from __future__ import annotations
 

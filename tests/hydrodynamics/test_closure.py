@@ -111,7 +111,8 @@ def test_the_homogeneous_state_stays_to_rounding(make_scene: MakeScene, collisio
 
 
 def test_gravity_friction_and_noise_are_exact(make_scene: MakeScene) -> None:
-    """In one step from the lab and from a moving frame, against DOP853 on u and θ; so strong that an explicit step would explode."""
+    """In one step from the lab and from a moving frame, against DOP853 on u and θ; so strong that an explicit step would
+    explode."""
     for gamma, time in ((0.7, 0.4), (300.0, 2.0), (0.0, 1.3)):
         gas = Gas(1.3, gamma, 0.5, 0.0, 0.0, 0.0, 0.0)
         state = conserved(np.array([0.8]), np.array([-0.4]), np.array([1.7]))
