@@ -9,6 +9,7 @@ from kinetic_solver.dataset import VARIABLES, MemoryRecorder, Recorder, Variable
 from kinetic_solver.errors import SolverStopped
 from kinetic_solver.hydrodynamics.plan import Plan, make_plan
 from kinetic_solver.hydrodynamics.refinement import refined_run
+from kinetic_solver.hydrodynamics.spectral import SpectralRun
 from kinetic_solver.scene import Scene
 from kinetic_solver.threads import one_blas_thread
 
@@ -54,7 +55,7 @@ def integrate(plan: Plan, recorder: Recorder, progress: Progress | None = None) 
     end = plan.scene.run.end_time
     watch = None if progress is None else lambda time: progress(time, end)
     with one_blas_thread():
-        frames, report = refined_run(plan, watch)
+        frames, report = refined_run(plan, watch) if plan.moments is None else SpectralRun(plan, watch).frames()
         for time, due, field, total in zip(
             plan.schedule.times.tolist(), plan.schedule.due, frames.fields, frames.totals, strict=False
         ):
