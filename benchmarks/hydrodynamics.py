@@ -24,7 +24,7 @@ from kinetic_solver.hydrodynamics.lawson import ClosureSteps
 from kinetic_solver.hydrodynamics.spectral import SpectralRun
 from kinetic_solver.scene import FOLLOW_LEADER, INELASTIC
 from kinetic_solver.stability import closure_rates, critical_density
-from kinetic_solver.stability.closure import closure_generator, closure_temperature, critical_collision_number
+from kinetic_solver.stability.closure import SHORTEST, closure_generator, closure_temperature, critical_collision_number
 
 LENGTH = 8 * math.pi
 AMPLITUDE = 1e-5
@@ -209,7 +209,7 @@ def saturated(number: float, wavenumber: float, nx: int) -> tuple[str, float]:
     pipe = Pipe(number, 2 * math.pi / wavenumber, nx, {1: 0.05})
     before = math.inf
     try:
-        while pipe.time < 400:
+        while pipe.time < 200:
             pipe.advance(10.0)
             range_ = float(np.ptp(pipe.density()))
             if range_ < 1e-4:
@@ -224,18 +224,17 @@ def saturated(number: float, wavenumber: float, nx: int) -> tuple[str, float]:
 
 def waves() -> None:
     print("\nA wave of 5 % in a pipe of its own length: largest less least density; its speed; mean of ρu")
-    ks = (0.5, 1.0, 2.0, 4.0, 8.0)
+    ks = (0.5, 1.0, 2.0, 4.0)
     print("R*_c(k*):", {k: round(critical_collision_number(k), 4) for k in ks})
     table("R*", "nx", *(f"k* = {k:g}" for k in ks))
-    for number in (1.3, 1.4, 1.5, 1.6, 2.0, 3.0):
+    for number in (1.3, 1.4, 1.5, 1.6, 2.0):
         results = []
         for nx in (64, 128, 256):
             found = [saturated(number, k, nx) if nx < 256 or k <= 2 else ("", math.nan) for k in ks]
             results.append([amplitude for _, amplitude in found])
             row(f"{number:g}", str(nx), *(text for text, _ in found))
-        for k, amplitudes in zip(ks, np.array(results).T, strict=True):
-            critical = critical_collision_number(k)
-            assert (amplitudes[0] > 0) == (number > critical), (number, k, amplitudes)
+        # Shorter waves are in these pipes too, so that any of them is unstable above R*_c of the shortest
+        assert all((amplitude > 0) == (number > SHORTEST) for amplitude in results[-1] if not math.isnan(amplitude)), results
 
 
 def pipe() -> None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from kinetic_solver import exact, stability
+    from kinetic_solver import exact, hydrodynamics, stability
     from kinetic_solver.analysis.certification import certify
     from kinetic_solver.errors import KineticError, SceneError, SolverStopped
     from kinetic_solver.scene import Scene
@@ -25,6 +25,7 @@ __all__ = [
     "__version__",
     "certify",
     "exact",
+    "hydrodynamics",
     "solve",
     "stability",
 ]
@@ -37,7 +38,7 @@ _HOME = {
     "certify": "analysis.certification",
     "solve": "solver",
 }
-_PACKAGES = ("compare", "exact", "stability")
+_PACKAGES = ("compare", "exact", "hydrodynamics", "stability")
 
 
 def __getattr__(name: str) -> Any:

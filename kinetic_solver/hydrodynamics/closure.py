@@ -25,12 +25,16 @@ class Frames:
     """∫ρ, ∫ρu and ∫½ρ(u² + θ): shape (frames, 3)."""
     stopped: str | None = None
     """Why it came no further."""
+    work: int = 0
+    """Points times steps."""
 
 
-def run_closure(scene: Scene, times: Array, nx: int, longest: float, watch: Callable[[float], None] | None = None) -> Frames:
-    """At nx points, in steps no longer than `longest`. Mass is conserved to rounding."""
+def run_closure(
+    scene: Scene, times: Array, nx: int, longest: float, refined: float = 1.0, watch: Callable[[float], None] | None = None
+) -> Frames:
+    """At nx points, with the steps of `ClosureSteps`. Mass is conserved to rounding."""
     dx = scene.pipe.length / nx
-    steps = ClosureSteps(Gas.of(scene), dx, longest)
+    steps = ClosureSteps(Gas.of(scene), dx, longest, refined)
     state = conserved(*start_fields(scene, dx * np.arange(nx)))
     states, now, stopped = [], 0.0, None
     for time in times.tolist():
@@ -42,7 +46,7 @@ def run_closure(scene: Scene, times: Array, nx: int, longest: float, watch: Call
                 break
         states.append(state)
     fields = np.array([[*primitive(state), np.zeros(nx)] for state in states])
-    return Frames(fields, np.array(states).sum(axis=2) * dx, stopped)
+    return Frames(fields, np.array(states).sum(axis=2) * dx, stopped, nx * steps.steps)
 
 
 def conserved(rho: Array, u: Array, theta: Array) -> Array:

@@ -32,9 +32,9 @@ class _TooLong(Exception):
 class ClosureSteps:
     """Advances U = (ρ, ρu, E), shape (3, n), on a period, in a frame of its own velocity."""
 
-    def __init__(self, gas: Gas, dx: float, longest: float) -> None:
-        """`longest`: no step is longer."""
-        self.gas, self.dx, self.longest = gas, dx, longest
+    def __init__(self, gas: Gas, dx: float, longest: float, refined: float = 1.0) -> None:
+        """No step is longer than `longest`, nor than 1/`refined` of what collisions allow at most."""
+        self.gas, self.dx, self.longest, self.refined = gas, dx, longest, refined
         self.steps = 0
         self._bound = math.inf
         self._coefficients = (gas.drag, gas.usual_drag, gas.cooling, gas.usual_cooling)
@@ -53,7 +53,7 @@ class ClosureSteps:
             self._bound = RUNAWAY * max(self._fastest(moved, now)[0], math.sqrt(3 * self.gas.noise))
         while now < end:
             speed, rate = self._fastest(moved, now)
-            step = min(self.longest, 1 / (speed / (COURANT * self.dx) + rate) / LONGEST_EULER)
+            step = min(self.longest, 1 / (speed / (COURANT * self.dx) + self.refined * rate) / LONGEST_EULER)
             if speed > self._bound:
                 raise SolverStopped(
                     f"t = {now:.6g}: waves of speed {speed:.3g}: the closure runs away (shocks heat what collisions drive); "

@@ -119,8 +119,8 @@ def test_the_solver_carries_it(wave: RollWave) -> None:
 
 
 def test_small_waves_grow_into_it(wave: RollWave) -> None:
-    nx = 96
+    nx = 64
     x = wave.period / nx * np.arange(nx)
-    state = steps(nx).advance(conserved(1 + 0.08 * np.cos(WAVENUMBER * x), np.zeros(nx), np.ones(nx)), 0.0, 45.0)
-    assert difference(state, wave, nx) < 5e-3
-    assert np.ptp(primitive(state)[0]) == pytest.approx(0.170268, rel=0.15)
+    state = steps(nx).advance(conserved(1 + 0.08 * np.cos(WAVENUMBER * x), np.zeros(nx), np.ones(nx)), 0.0, 30.0)
+    assert difference(state, wave, nx) < 8e-3
+    assert np.ptp(primitive(state)[0]) == pytest.approx(0.170268, rel=0.2)

@@ -96,6 +96,20 @@ def test_homogeneous_scenes_take_one_point(make_scene: MakeScene) -> None:
     assert float(follow["mean_velocity"][-1, 0]) == pytest.approx(u, abs=1e-8)
 
 
+def test_free_cooling_of_the_closure_is_haffs_law(make_scene: MakeScene) -> None:
+    """(12) without friction and noise, at rest: θ = θ0/(1 + Cρ√θ0 t)², where collisions alone set the steps."""
+    scene = make_scene(
+        model={"gravity": 0.0, "friction": 0.0, "noise": 0.0},
+        collisions=INELASTIC,
+        initial={"modes": [], "mean_velocity": 0.3, "temperature": 1.9},
+        run={"end_time": 20.0},
+        accuracy={"rtol": 1e-7},
+    )
+    c = 2.3 * (1 - 0.4**2) / math.sqrt(math.pi)
+    found = hydrodynamics.solve(scene)["temperature"].values[-1, 0]
+    assert found == pytest.approx(1.9 / (1 + c * 0.8 * math.sqrt(1.9) * 20.0) ** 2, rel=1e-6)
+
+
 def test_a_runaway_stops_with_one_line_and_keeps_its_frames(make_scene: MakeScene) -> None:
     """R* = 2.4 and a long wave: shocks heat the gas, collisions drive what is hot, and nothing stops it."""
     scene = make_scene(
