@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -117,15 +118,30 @@ def test_streams_that_part_leave_a_vacuum() -> None:
     assert errors[1] < 2e-2  # of densities up to 1, most of it at the edges of the vacuum
 
 
-def rusanov(flux_of: object, start: Array, speed: float, nx: int, time: float) -> Array:
+Flux = Callable[[Array], Array]
+
+
+def rusanov(flux_of: Flux, start: Array, speed: float, time: float, dx: float) -> Array:
     """Any conservation laws by Lax and Friedrichs's flux, of order 1."""
-    state, dx = start.copy(), 2 / nx
-    count = math.ceil(time / (0.8 * dx / speed))
+    state = start.copy()
+    count = math.ceil(time / (0.8 * dx / speed) * (1 - 1e-9))
     for _ in range(count):
-        f = flux_of(state)  # type: ignore[operator]
+        f = flux_of(state)
         face = 0.5 * (f + np.roll(f, -1, axis=1)) - 0.5 * speed * (np.roll(state, -1, axis=1) - state)
         state = state - time / count / dx * (face - np.roll(face, 1, axis=1))
     return state
+
+
+def with_energy(state: Array) -> Array:
+    """The flux of (ρ, ρu, E)."""
+    r, v, t = primitive(state)
+    return np.stack([r * v, r * (v * v + t), 0.5 * r * v**3 + 1.5 * r * v * t])
+
+
+def with_entropy(state: Array) -> Array:
+    """The flux of (ρ, ρu, θ/ρ)."""
+    r, m, s = state
+    return np.stack([m, m * m / r + r * r * s, m / r * s])
 
 
 def test_other_conserved_quantities_make_other_shocks() -> None:
@@ -138,14 +154,6 @@ def test_other_conserved_quantities_make_other_shocks() -> None:
     x = (np.arange(1600) + 0.5) / 800
     rho, u, theta = np.ones(1600), np.where(x < 1, 1.0, -1.0), np.full(1600, 0.1)
 
-    def with_energy(state: Array) -> Array:
-        r, v, t = primitive(state)
-        return np.stack([r * v, r * (v * v + t), 0.5 * r * v**3 + 1.5 * r * v * t])
-
-    def with_entropy(state: Array) -> Array:
-        r, m, s = state
-        return np.stack([m, m * m / r + r * r * s, m / r * s])
-
     # (u0 - u1)² = (p1 - p0)(1/ρ0 - 1/ρ1), with p1 = p0 (2r - 1)/(2 - r) or p0 r³, r = ρ1/ρ0
     by_energy = brentq(lambda r: 0.1 * ((2 * r - 1) / (2 - r) - 1) * (1 - 1 / r) - 1, 1.01, 1.999)
     by_entropy = brentq(lambda r: 0.1 * (r**3 - 1) * (1 - 1 / r) - 1, 1.01, 9.0)
@@ -154,9 +162,48 @@ def test_other_conserved_quantities_make_other_shocks() -> None:
         (with_energy, conserved(rho, u, theta)),
         (with_entropy, np.stack([rho, rho * u, theta / rho])),
     ):
-        state = rusanov(flux_of, start, speed, 1600, 0.3)
+        state = rusanov(flux_of, start, speed, 0.3, 2 / 1600)
         found.append(state[0][np.abs(np.abs(x - 1) - 0.08) < 0.02].mean())
     ours = ClosureSteps(FREE, 2 / 1600, math.inf).advance(conserved(rho, u, theta), 0.0, 0.3)
     assert ours[0][np.abs(np.abs(x - 1) - 0.08) < 0.02].mean() == pytest.approx(by_energy, rel=1e-3)
     assert found == pytest.approx([by_energy, by_entropy], rel=5e-3)
     assert (by_energy, by_entropy) == pytest.approx((1.8771, 2.5865), rel=1e-4)
+
+
+def test_the_runaway_is_the_equations_own() -> None:
+    """R* = 2, waves of 50 % and 20 % on L* = 8π: |u| passes 20 at t = 3.23 by the solver and at 3.24 by a scheme of order 1
+    that shares nothing with it (Rusanov's flux, sources by Lie splitting), here on fewer points.
+
+    Behind strong shocks θ is about the square of their jump, and (6) drives hot gas with the force Sρθ: a piston that drives
+    itself."""
+    length, number = 8 * math.pi, 2.0
+
+    def start(nx: int) -> tuple[float, Array]:
+        dx = length / nx
+        k = 2 * math.pi / length * dx * np.arange(nx)
+        return dx, conserved(1 + 0.5 * np.cos(k) + 0.2 * np.sin(3 * k), np.zeros(nx), np.ones(nx))
+
+    def until(time: float, step: Callable[[Array], tuple[Array, float]], state: Array) -> float:
+        while np.abs(state[1] / state[0]).max() < 20:
+            state, h = step(state)
+            time += h
+            assert time < 5
+        return time
+
+    dx, state = start(512)
+    steps = ClosureSteps(Gas(0.0, 1.0, 1.0, number, number, 0.0, 0.0), dx, 0.4)
+    ours = until(0.0, lambda u: (steps.advance(u, 0.0, 0.02), 0.02), state)
+
+    dx, state = start(1024)
+
+    def simple(u: Array) -> tuple[Array, float]:
+        rho, v, theta = primitive(u)
+        speed = float((np.abs(v) + np.sqrt(3 * theta)).max())
+        h = 0.8 * dx / speed
+        rho, v, theta = primitive(rusanov(with_energy, u, speed, h, dx))
+        e = math.exp(-h)
+        v = v * e + number * (1 - rho) * (1 - e) - number * rho * (theta - 1) * (e - e * e)
+        return conserved(rho, v, 1 + (theta - 1) * e * e), h
+
+    assert ours == pytest.approx(3.24, abs=0.06)
+    assert until(0.0, simple, state) == pytest.approx(3.24, abs=0.12)
