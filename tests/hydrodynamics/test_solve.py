@@ -13,6 +13,7 @@ import pytest
 from kinetic_solver import hydrodynamics
 from kinetic_solver.arrays import Array
 from kinetic_solver.errors import SceneError, SolverStopped
+from kinetic_solver.hydrodynamics import refinement
 from kinetic_solver.hydrodynamics.closure import run_closure
 from kinetic_solver.scene import Scene
 
@@ -76,9 +77,20 @@ def test_the_dataset(make_scene: MakeScene) -> None:
 
 def test_a_given_grid_is_kept_and_what_it_misses_is_said(make_scene: MakeScene) -> None:
     scene = make_scene(collisions=FOLLOW, grid={"nx": 32}, accuracy={"rtol": 1e-7})
-    with pytest.warns(UserWarning, match=r"the maximum norm is about .*raise grid.nx or accuracy.rtol"):
+    with pytest.warns(
+        UserWarning, match=r"the error is about .* in the maximum norm \(accuracy.rtol = 1e-07\); raise grid.nx or accuracy.rtol"
+    ):
         run = hydrodynamics.solve(scene)
     assert run.sizes["x"] == 32
+
+
+def test_what_jumps_leave_out_of_reach_is_said(make_scene: MakeScene, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With jumps 1e-7 would take years: the run settles for less, soon."""
+    monkeypatch.setattr(refinement, "SETTLE", 1e5)
+    step = {"initial": {"modes": [], "step": {"from": 0.2, "to": 0.6, "ratio": 3.0}}, "run": {"end_time": 0.2}}
+    with pytest.warns(UserWarning, match=r"in L1 from t = 0 on, with jumps \(accuracy.rtol = 1e-07\); raise accuracy.rtol"):
+        run = hydrodynamics.solve(make_scene(collisions=FOLLOW, accuracy={"rtol": 1e-7}, **step))
+    assert 512 <= int(run.attrs["points"]) <= 2048
 
 
 def test_homogeneous_scenes_take_one_point(make_scene: MakeScene) -> None:
