@@ -4,6 +4,6 @@ Shares the scene, the schedule and the dataset with the other methods, and no nu
 """
 
 from kinetic_solver.hydrodynamics.plan import Plan, make_plan
-from kinetic_solver.hydrodynamics.solve import HYDRODYNAMIC, integrate, solve
+from kinetic_solver.hydrodynamics.solve import integrate, solve, variables
 
-__all__ = ["HYDRODYNAMIC", "Plan", "integrate", "make_plan", "solve"]
+__all__ = ["Plan", "integrate", "make_plan", "solve", "variables"]

@@ -9,6 +9,7 @@ import numpy as np
 
 from kinetic_solver.arrays import Array
 from kinetic_solver.errors import SolverStopped
+from kinetic_solver.hydrodynamics.budgets import budget, sample
 from kinetic_solver.hydrodynamics.gas import Gas
 from kinetic_solver.hydrodynamics.lawson import ClosureSteps
 from kinetic_solver.hydrodynamics.start import start_fields
@@ -23,6 +24,8 @@ class Frames:
     """ρ, u, θ and the heat flux at the points: shape (frames, 4, nx)."""
     totals: Array
     """∫ρ, ∫ρu and ∫½ρ(u² + θ): shape (frames, 3)."""
+    budgets: list[dict[str, float]] | None = None
+    """The group `budgets`; None of M moments."""
     stopped: str | None = None
     """Why it came no further."""
     work: int = 0
@@ -36,7 +39,7 @@ def run_closure(
     dx = scene.pipe.length / nx
     steps = ClosureSteps(Gas.of(scene), dx, longest, refined)
     state = conserved(*start_fields(scene, dx * np.arange(nx)))
-    states, now, stopped = [], 0.0, None
+    states, budgets, now, stopped = [], [], 0.0, None
     for time in times.tolist():
         if time > now:
             try:
@@ -45,8 +48,11 @@ def run_closure(
                 stopped = str(stop)
                 break
         states.append(state)
+        at = sample(steps.gas, state, dx, 0.0)
+        start, here = (each.sum(axis=1) * dx for each in (states[0], state))
+        budgets.append(budget(scene.model, time, start, here, at, steps.integral))
     fields = np.array([[*primitive(state), np.zeros(nx)] for state in states])
-    return Frames(fields, np.array(states).sum(axis=2) * dx, stopped, nx * steps.steps)
+    return Frames(fields, np.array(states).sum(axis=2) * dx, budgets, stopped, nx * steps.steps)
 
 
 def conserved(rho: Array, u: Array, theta: Array) -> Array:

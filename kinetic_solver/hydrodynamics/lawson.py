@@ -13,6 +13,7 @@ import numpy as np
 
 from kinetic_solver.arrays import Array
 from kinetic_solver.errors import SolverStopped
+from kinetic_solver.hydrodynamics.budgets import sample
 from kinetic_solver.hydrodynamics.gas import Gas, collide, fastest
 from kinetic_solver.hydrodynamics.weno import divergence
 
@@ -36,6 +37,8 @@ class ClosureSteps:
         """No step is longer than `longest`, nor than 1/`refined` of what collisions allow at most."""
         self.gas, self.dx, self.longest, self.refined = gas, dx, longest, refined
         self.steps = 0
+        self.integral = np.zeros(4)
+        """Of `budgets.sample` over all steps so far."""
         self._bound = math.inf
         self._coefficients = (gas.drag, gas.usual_drag, gas.cooling, gas.usual_cooling)
 
@@ -62,18 +65,21 @@ class ClosureSteps:
             count = math.ceil((end - now) / step * (1 - 1e-12))
             while True:
                 try:
-                    moved = self._step(moved, (end - now) / count, frame, now)
+                    moved, brought = self._step(moved, (end - now) / count, frame, now)
                     break
                 except _TooLong:  # waves became faster within the step
                     count *= 2
             now = end if count == 1 else now + (end - now) / count
             self.steps += 1
+            self.integral = self.integral + brought
             if watch is not None:
                 watch(now)
         self._fastest(moved, end)
         return np.roll(_boosted(moved, frame), cells, axis=1)
 
-    def _step(self, state: Array, h: float, frame: float, now: float) -> Array:
+    def _step(self, state: Array, h: float, frame: float, now: float) -> tuple[Array, Array]:
+        """(the state, the integral of its sample) after a step."""
+
         def relax(u: Array, share: float) -> Array:
             return self.gas.relax(u, share * h, frame)
 
@@ -82,7 +88,9 @@ class ClosureSteps:
         one = relax(state + h * (2 / 3) * first, 2 / 3)
         two = relax(state, 2 / 3) * (2 / 3) + (one + long * self._rate(one, long, now)) / 3
         last = two + long * self._rate(two, long, now)
-        return relax((74 / 128) * state + (15 / 128) * long * first, 1.0) + (27 / 64) * relax(last, 1 / 3)
+        samples = [sample(self.gas, stage, self.dx, frame) for stage in (state, one, two)]
+        brought = h * (samples[0] / 4 + samples[1] * (3 / 16) + samples[2] * (9 / 16))
+        return relax((74 / 128) * state + (15 / 128) * long * first, 1.0) + (27 / 64) * relax(last, 1 / 3), brought
 
     def _rate(self, state: Array, long: float, now: float) -> Array:
         """dU/dt but for the closed form. An Euler step of length `long` with it is positive: the part 1 - κ of the state moves

@@ -11,12 +11,15 @@ from kinetic_solver.scene import INELASTIC, Scene, Schedule
 
 FEWEST = 256
 """Points of the output where grid.nx is not given; 32 on the shortest wave of the start, if that is more."""
-GROUPS = ("moments", "scalars")
+GROUPS = ("moments", "scalars", "budgets")
+"""Of `[output]`; the last one for the closure alone."""
 
 
 @dataclass(frozen=True)
 class Plan:
     scene: Scene
+    groups: tuple[str, ...]
+    """Of `[output]`, those that it can write."""
     schedule: Schedule
     output: PhaseSpaceGrid
     """Its velocities are no axis of anything: one cell, since hydrodynamics has no f."""
@@ -42,7 +45,8 @@ def make_plan(scene: Scene) -> Plan:
         shortest = max((m.mode for m in modes if m.cos or m.sin), default=1)
         nx = max(FEWEST, 32 * shortest)
     reach = scene.model.noise**0.5 or 1.0
-    return Plan(scene, Schedule.of(scene, GROUPS), PhaseSpaceGrid(nx, 1, scene.pipe.length, -reach, reach))
+    groups = GROUPS if scene.hydrodynamics.moments is None else GROUPS[:2]
+    return Plan(scene, groups, Schedule.of(scene, groups), PhaseSpaceGrid(nx, 1, scene.pipe.length, -reach, reach))
 
 
 def _refuse_hierarchy(scene: Scene) -> None:

@@ -23,10 +23,16 @@ Report = dict[str, Any]
 
 _FIELDS = ("density", "mean_velocity", "temperature", "heat_flux")
 _TOTALS = ("mass", "momentum", "energy")
-HYDRODYNAMIC: Variables = {
+_VARIABLES: Variables = {
     "moments": {name: VARIABLES["moments"][name] for name in _FIELDS},
     "scalars": {name: VARIABLES["scalars"][name] for name in _TOTALS},
+    "budgets": VARIABLES["budgets"],
 }
+
+
+def variables(plan: Plan) -> Variables:
+    """What a recorder of the plan's frames is to expect."""
+    return {group: _VARIABLES[group] for group in plan.groups}
 
 
 def solve(scene: Scene, progress: Progress | None = None) -> xr.Dataset:
@@ -39,7 +45,7 @@ def solve(scene: Scene, progress: Progress | None = None) -> xr.Dataset:
     in L1 once it has jumps; the attributes say which, and the errors estimated. Values are at the points x. Raises SceneError
     where the scene cannot be run, and SolverStopped where a run cannot go on. Tests: tests/hydrodynamics/."""
     plan = make_plan(scene)
-    recorder = MemoryRecorder(plan.output, scene, "hydrodynamics", HYDRODYNAMIC)
+    recorder = MemoryRecorder(plan.output, scene, "hydrodynamics", variables(plan))
     try:
         report = integrate(plan, recorder, progress)
     except SolverStopped as stop:
@@ -56,12 +62,13 @@ def integrate(plan: Plan, recorder: Recorder, progress: Progress | None = None) 
     watch = None if progress is None else lambda time: progress(time, end)
     with one_blas_thread():
         frames, report = refined_run(plan, watch) if plan.moments is None else SpectralRun(plan, watch).frames()
-        for time, due, field, total in zip(
-            plan.schedule.times.tolist(), plan.schedule.due, frames.fields, frames.totals, strict=False
-        ):
+        budgets = frames.budgets or [{}] * len(frames.fields)
+        rows = zip(plan.schedule.times.tolist(), plan.schedule.due, frames.fields, frames.totals, budgets, strict=False)
+        for time, due, field, total, budget in rows:
             values = {
                 "moments": dict(zip(_FIELDS, field, strict=True)),
                 "scalars": dict(zip(_TOTALS, total.tolist(), strict=True)),
+                "budgets": budget,
             }
             if due:
                 recorder.record(time, {group: values[group] for group in due})

@@ -70,7 +70,7 @@ class SpectralRun:
             fields.append(self.hierarchy.fields(self.state, nx))
             totals.append(self.hierarchy.totals(self.state))
         said: dict[str, str | float] = {"moments": str(self.plan.moments), "waves": str(self.state.shape[0] - 1)}
-        return Frames(np.array(fields), np.array(totals), stopped), said | {"spectral_tail": self._tail(self.state)}
+        return Frames(np.array(fields), np.array(totals), stopped=stopped), said | {"spectral_tail": self._tail(self.state)}
 
     def _advance(self, start: float, end: float) -> None:
         """In binary fractions of the interval: `done` of 2^level of them are behind."""
