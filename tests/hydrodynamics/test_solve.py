@@ -180,3 +180,48 @@ def test_refusals(make_scene: MakeScene, changes: dict[str, Any], message: str) 
     with pytest.raises(SceneError, match=message) as error:
         hydrodynamics.solve(scene)
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_any_scene_stays_positive_and_keeps_its_mass_or_stops(seed: int) -> None:
+    """Both operators and none, without friction or noise and with much, cold starts, streams that cross, steps of 1:1000."""
+    rng = np.random.default_rng(seed)
+    mean = float(10 ** rng.uniform(-3, 3))
+    strength = float(10 ** rng.uniform(-1, 1.5)) / mean
+    operators = (
+        None,
+        {"operator": "follow-the-leader", "cross_section": strength},
+        {"operator": "inelastic", "cross_section": strength, "restitution": float(rng.uniform(0, 1))},
+    )
+    start: dict[str, Any] = {"density": mean, "temperature": float(10 ** rng.uniform(-4, 1)), "mean_velocity": rng.normal(0, 5)}
+    if seed % 2:
+        start["step"] = {"from": 0.3, "to": 0.6, "ratio": float(10 ** rng.uniform(-3, 3))}
+    else:
+        start["modes"] = [{"mode": 2, "cos": float(rng.uniform(-0.99, 0.99))}]
+        start["velocity_modes"] = [{"mode": 1, "sin": float(rng.normal(0, 3))}]
+    data = {
+        "model": {
+            "gravity": float(rng.normal(0, 30)),
+            "friction": float(rng.choice([0, 0.1, 50])),
+            "noise": float(rng.choice([0, 0.01, 20])),
+        },
+        "pipe": {"length": float(10 ** rng.uniform(0, 2))},
+        "initial": start,
+        "run": {"end_time": 0.4},
+        "grid": {"nx": 48},
+        "accuracy": {"rtol": 0.1},
+    }
+    scene = Scene.model_validate({**data, "collisions": operators[seed % 3]})
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        try:
+            run = hydrodynamics.solve(scene)
+        except SolverStopped as stop:
+            run = stop.dataset
+    if "stopped" in run.attrs:
+        assert "runs away" in run.attrs["stopped"]
+        assert scene.operator == "follow-the-leader"
+    assert np.isfinite(run["mean_velocity"]).all()
+    assert (run["density"] > 0).all()
+    assert (run["temperature"] > 0).all()
+    assert np.abs(run["mass"] / run["mass"][0] - 1).max() < 1e-11
