@@ -114,5 +114,5 @@ def refined_run(plan: Plan, watch: Callable[[float], None] | None = None) -> tup
                 text += (
                     f" while the flow is smooth, and {found.integral:.2g} in L1 from t = {found.jumps_from:.6g} on, with jumps"
                 )
-            warnings.warn(f"{text} (accuracy.rtol = {rtol:g}); {remedy}", stacklevel=5)
+            warnings.warn(f"{text} (accuracy.rtol = {rtol:g}); {remedy}", stacklevel=4)
     return dataclasses.replace(frames, fields=frames.fields[:, :, :: points // shown]), attributes
