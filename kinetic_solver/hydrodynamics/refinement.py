@@ -19,8 +19,8 @@ from kinetic_solver.hydrodynamics.closure import Frames, run_closure
 from kinetic_solver.hydrodynamics.plan import Plan
 
 MOST_WORK, SETTLE = 2e8, 2e7
-"""Points times steps of the finest run that rtol may ask for, two minutes at 0.6 μs (one core of 2024); and of the one that is
-taken where that would not be enough."""
+"""Points times steps of the finest run that rtol may ask for: two minutes at the 0.6 μs each that 1024 points take on one core;
+and of the run that is taken where that would not be enough."""
 LONGEST = 0.4
 """Steps of the coarsest run in units of 1/γ, beyond which order 3 cannot be seen; halved with dx."""
 FEWEST = 16
