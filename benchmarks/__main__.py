@@ -21,6 +21,7 @@ NAMES = (
     "random_scenes",
     "hard_cases",
     "linear_theory",
+    "hydrodynamics",
     "particles_speed",
     "time_to_accuracy",
 )

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from kinetic_solver import compare, exact, stability
+    from kinetic_solver import compare, exact, hydrodynamics, stability
     from kinetic_solver.analysis.certification import certify
     from kinetic_solver.errors import KineticError, OutputExistsError, RunUnfinished, SceneError, SolverStopped
     from kinetic_solver.laws import CollisionLaw, PairLaw
@@ -32,6 +32,7 @@ __all__ = [
     "certify",
     "compare",
     "exact",
+    "hydrodynamics",
     "run_to_file",
     "solve",
     "stability",
@@ -50,7 +51,7 @@ _HOME = {
     "run_to_file": "methods",
     "solve": "solver",
 }
-_PACKAGES = ("compare", "exact", "stability")
+_PACKAGES = ("compare", "exact", "hydrodynamics", "stability")
 
 
 def __getattr__(name: str) -> Any:

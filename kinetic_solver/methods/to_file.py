@@ -99,10 +99,28 @@ def _exact(job: Job) -> list[str]:
     return []
 
 
+def _hydrodynamics(job: Job) -> list[str]:
+    from kinetic_solver import hydrodynamics
+
+    if job.operator is not None:
+        raise SceneError(f"operator {job.operator.label}: has no closure; allowed with method 'hydrodynamics': the scene's own")
+    plan = hydrodynamics.make_plan(job.scene)
+    recorder = job.recorder(plan.output, plan.schedule, hydrodynamics.variables(plan))
+    with recording(recorder):
+        report = hydrodynamics.integrate(plan, recorder, job.progress)
+    recorder.close(report=report)
+    return [f"{name.replace('_', ' ')}: {value}" for name, value in report.items()]
+
+
 def _particles(job: Job) -> list[str]:
     from kinetic_solver.methods.particles import run
 
     return run(job)
 
 
-METHODS = {"grid": Method(_grid), "exact": Method(_exact), "particles": Method(_particles, resumes=True)}
+METHODS = {
+    "grid": Method(_grid),
+    "exact": Method(_exact),
+    "hydrodynamics": Method(_hydrodynamics),
+    "particles": Method(_particles, resumes=True),
+}

@@ -19,6 +19,7 @@ from kinetic_solver.scene.tables import (
     Accuracy,
     Collisions,
     Grid,
+    Hydrodynamics,
     Initial,
     Model,
     Operator,
@@ -53,6 +54,7 @@ class Scene(Table):
     accuracy: Accuracy = Accuracy()
     grid: Grid = Grid()
     particles: Particles = Particles()
+    hydrodynamics: Hydrodynamics = Hydrodynamics()
 
     @model_validator(mode="after")
     def _cadences_are_countable(self) -> Scene:

@@ -280,6 +280,13 @@ class Grid(Table):
         return self
 
 
+class Hydrodynamics(Table):
+    """The hydrodynamic method."""
+
+    moments: Annotated[int, Field(strict=True, ge=3)] | None = None
+    """Of the Hermite hierarchy; None for the closure (3)-(5) of the paper."""
+
+
 class Particles(Table):
     """The particle ensemble."""
 

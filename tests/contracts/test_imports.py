@@ -23,7 +23,7 @@ LAWS = BASE | {"laws"}
 SCENE = LAWS | {"scene"}
 SHARED = SCENE | {"theory", "grid", "stability", "dataset", "initial"}
 """What both sides of a cross-check may share."""
-ALL = SHARED | {"operators", "stepping", "exact", "particles", "plan", "solver", "compare"}
+ALL = SHARED | {"operators", "stepping", "exact", "hydrodynamics", "particles", "plan", "solver", "compare"}
 ALLOWED: dict[str, set[str]] = {
     **dict.fromkeys(BASE, BASE),
     "laws": BASE,
@@ -36,12 +36,13 @@ ALLOWED: dict[str, set[str]] = {
     "operators": SCENE - {"machine"} | {"theory", "grid"},
     "stepping": {"arrays", "errors"},
     "exact": SHARED,
+    "hydrodynamics": SHARED,
     "particles": SHARED,
     "plan": SHARED | {"operators", "stepping"},
     "solver": SHARED | {"operators", "stepping", "plan"},
     "compare": SHARED | {"exact", "particles"},
     "analysis": ALL,
-    "methods": SHARED | {"exact", "particles", "plan", "solver"},
+    "methods": SHARED | {"exact", "hydrodynamics", "particles", "plan", "solver"},
     "cli": ALL | {"analysis", "methods"},
 }
 """Folder (or module) → what it may import, beside itself. `particles` is the package beside kinetic_solver."""

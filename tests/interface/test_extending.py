@@ -55,7 +55,7 @@ def test_the_page(page: dict[str, Any]) -> None:
         coarse, finer = (np.fft.rfft(d["density"].values, axis=1) / d.sizes["x"] for d in (run, fine))
         shared = min(coarse.shape[1], finer.shape[1])
         assert 2 * np.abs(coarse[:, :shared] - finer[:, :shared]).sum(axis=1).max() < 1e-4 * float(fine["density"].max())
-    assert abs(page["run"]["energy_from_collisions"]).max() < 1e-9 * float(page["run"]["energy"].max())
+    assert abs(page["run"]["energy_from_collisions"]).max() < 1e-5 * float(page["run"]["energy"].max())
     grid, ensemble = page["on_grid"].isel(time=-1), page["ensemble"].isel(time=-1)
     for name in ("momentum", "energy"):
         assert abs(float(grid[name] - ensemble[name])) < 4 * float(ensemble[f"{name}_stderr"]), name

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
+from kinetic_solver import laws
 from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.initial import maxwellian
 from kinetic_solver.operators.collisions import FollowLeader, Inelastic
@@ -203,7 +204,7 @@ def test_inelastic_conserves_and_cools(count: int) -> None:
     operator = InelasticHermite(basis, S, epsilon)
     noise = np.random.default_rng(1).normal(size=(5, count))
     assert not operator.rate(noise)[:, :2].any()
-    assert operator.conserves == Inelastic.conserves
+    assert operator.conserves == laws.Inelastic.conserves
     rho = np.array([0.8])
     cooling = VARIANCE * math.sqrt(2) * operator.rate(basis.maxwellian(rho, np.array([CENTRE]), np.array([VARIANCE])))[0, 2]
     assert cooling == pytest.approx(-2 * S * (1 - epsilon**2) / math.sqrt(math.pi) * rho[0] ** 2 * VARIANCE**1.5, rel=1e-14)
