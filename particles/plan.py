@@ -12,7 +12,6 @@ from kinetic_solver import initial
 from kinetic_solver.arrays import Array
 from kinetic_solver.errors import SceneError
 from kinetic_solver.grid import PhaseSpaceGrid
-from kinetic_solver.initial import start_state
 from kinetic_solver.machine import too_large
 from kinetic_solver.scene import FOLLOW_LEADER, Scene, Schedule
 from particles import ensemble, single_file
@@ -164,13 +163,17 @@ def _of_the_file(scene: Scene) -> Scene:
 
 
 def _start(scene: Scene) -> tuple[Array, Array, Array]:
-    """Densities, mean velocities and temperatures at the start, over the pipe; of a file over all its particles."""
+    """Densities, and mean velocities and temperatures of every beam, at the start over the pipe; of a file over all its
+    particles."""
     if scene.initial.file is not None:
         _, v = start_from_file(scene)
         return np.array([scene.initial.density]), np.array([v.mean()]), np.array([v.var()])
     x = scene.pipe.length * np.arange(4096) / 4096
-    u0, theta0 = start_state(scene)
-    return initial.density(scene, x), initial.mean_velocity(scene, x, u0), initial.temperature(scene, x, theta0)
+    fields = [
+        (initial.mean_velocity(scene, x, u0), initial.temperature(scene, x, theta0)) for _, u0, theta0 in initial.beams(scene)
+    ]
+    u, theta = (np.array(part) for part in zip(*fields, strict=True))
+    return initial.density(scene, x), u, theta
 
 
 def _scales(scene: Scene) -> _Scales:
@@ -183,6 +186,8 @@ def _scales(scene: Scene) -> _Scales:
     if start.step is not None:
         width = start.step.end - start.step.start
         waves += [length * part / (2 * math.pi) for part in (width, 1 - width) if part > 0]
+    if start.pulse is not None:
+        waves.append(length * start.pulse.width)
     rate = scene.cross_section * float(density.max()) if scene.operator else 0.0
     path = 1 / rate if rate else math.inf
     thermal = hottest / model.friction if model.friction else math.inf

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from kinetic_solver import initial
 from kinetic_solver.arrays import Array
 from kinetic_solver.dataset import MemoryRecorder, Recorder, recording
-from kinetic_solver.initial import start_state
 from kinetic_solver.scene import INELASTIC, Scene
 from particles.collisions import FOLLOW, collide
 from particles.ensemble import Ensemble
@@ -20,7 +19,7 @@ from particles.estimators import Sampler, density_modes, fields
 from particles.files import start_from_file
 from particles.langevin import LangevinStep
 from particles.plan import ParticlePlan, make_plan
-from particles.random import POSITIONS, VELOCITIES, key, standard_normals, uniforms
+from particles.random import PARTS, POSITIONS, VELOCITIES, key, standard_normals, uniforms
 from particles.records import coordinates, variables
 from particles.report import report
 from particles.single_file import SingleFile
@@ -80,22 +79,27 @@ class Simulation:
             yield x[replica % len(x)].copy(), v[replica % len(v)].copy()
 
     def _maxwellian(self, k: NDArray[np.uint64]) -> tuple[Array, Array]:
-        """Independent particles of the scene's Maxwellian: positions by the inverse of ∫ρ0, to 1e-9 of the pipe's length."""
+        """Independent particles of the scene's Maxwellians: positions by the inverse of ∫ρ0, to 1e-9 of the pipe's length."""
         scene, count = self.plan.scene, self.plan.scene.particles.count
         length = scene.pipe.length
         x, normals = np.empty(count), np.empty((count, 2))
         uniforms(x, POSITIONS, np.uint64(0), k[0], k[1])
         standard_normals(normals, VELOCITIES, np.uint64(0), k[0], k[1])
-        if scene.initial.step is not None or scene.initial.modes:
+        if scene.initial.step is not None or scene.initial.pulse is not None or scene.initial.modes:
             table = length * np.linspace(0, 1, 2**17 + 1)
             cumulative = initial.density_integral(scene, table)
             x = np.interp(x, cumulative / cumulative[-1], table)
         else:
             x *= length
         x[x >= length] = 0.0
-        u0, theta0 = start_state(scene)
-        theta = initial.temperature(scene, x, theta0)
-        return x, initial.mean_velocity(scene, x, u0) + np.sqrt(theta) * normals[:, 0]
+        shares, means, temperatures = np.array(initial.beams(scene)).T
+        part = np.zeros(count, dtype=np.int64)
+        if shares.size > 1:
+            chosen = np.empty(count)
+            uniforms(chosen, PARTS, np.uint64(0), k[0], k[1])
+            part = np.searchsorted(np.cumsum(shares)[:-1], chosen, side="right")
+        theta = initial.temperature(scene, x, 1.0) * temperatures[part]
+        return x, initial.mean_velocity(scene, x, 0.0) + means[part] + np.sqrt(theta) * normals[:, 0]
 
     def advance_to(self, time: float) -> None:
         scene, interval = self.plan.scene, time - self.time

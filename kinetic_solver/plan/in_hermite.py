@@ -61,6 +61,12 @@ def basis_of(scene: Scene, functions: int) -> HermiteBasis:
     return HermiteBasis(state.mean_velocity, scene.model.noise, functions)
 
 
+def sum_of_gaussians(basis: HermiteBasis, gaussians: initial.Gaussians, density: Array) -> Array:
+    """Coefficients (nx, functions) of Gaussians in closed form, of this density together."""
+    parts = [basis.maxwellian(density if share == 1 else share * density, u, theta) for share, u, theta in gaussians]
+    return np.asarray(sum(parts[1:], parts[0]))
+
+
 def points_for_coefficients(scene: Scene, basis: HermiteBasis, mean_velocity: float, temperature: float) -> Array:
     """Velocities from which to take the Hermite coefficients of a state about the homogeneous one.
 
@@ -76,11 +82,13 @@ def points_for_coefficients(scene: Scene, basis: HermiteBasis, mean_velocity: fl
 
 def _of_the_start(scales: Scales) -> int:
     """The highest function that counts in the start."""
-    scene, u0, theta0 = scales.scene, scales.start_velocity, scales.start_temperature
+    scene, start = scales.scene, scales.start
     basis = basis_of(scene, MOST_FUNCTIONS)
-    spread = np.abs(basis.maxwellian(np.ones(POINTS), scales.mean_velocity, scales.temperature)).max(axis=0)
+    whole = sum_of_gaussians(basis, start.gaussians(scales.x), np.ones(POINTS))
+    spread = np.abs(whole).max(axis=0)
     if scene.initial.eigenmodes:
-        v = points_for_coefficients(scene, basis, u0, theta0)
+        u0 = start.mean_velocity
+        v = points_for_coefficients(scene, basis, u0, start.temperature)
         background = initial.eigenmode_background(scene, v, u0)
         shapes = np.array([background, *(shape for _, shape in initial.eigenmode_shapes(scene, v, u0))])
         coefficients = np.abs(basis.coefficients(shapes.real, v) + 1j * basis.coefficients(shapes.imag, v)).max(axis=0)

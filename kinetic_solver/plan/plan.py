@@ -51,6 +51,8 @@ class Plan:
 
     scene: Scene
     """As it was given, in the laboratory."""
+    start: initial.Start
+    """Likewise; that in the frame of reference is `scales.start`."""
     schedule: Schedule
     """When anything is written, by the laboratory's clock."""
     reference_frame: ReferenceFrame
@@ -165,6 +167,7 @@ def _make_plan(scene: Scene, known: Mapping[str, str]) -> Plan:
         choices.warn_of_an_unresolved_kernel(scales, grid, time_step, drift_diffusion)
     plan = Plan(
         scene,
+        here.start,
         schedule,
         frame,
         scales,

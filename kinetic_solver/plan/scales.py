@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kinetic_solver import initial
 from kinetic_solver.arrays import Array
+from kinetic_solver.initial import SceneStart, Start
 from kinetic_solver.scene import FOLLOW_LEADER, INELASTIC, Scene
 from kinetic_solver.stability.homogeneous import HomogeneousState, homogeneous_state
 from kinetic_solver.theory.ornstein_uhlenbeck import Transition, transition
@@ -35,14 +35,17 @@ class Scales:
     """When anything is written, by the frame's clock; the first is 0."""
     lab_friction: float
     """γ in the laboratory, which a noiseless frame takes out of `scene`."""
-    start_velocity: float
-    """u0, without its modes."""
-    start_temperature: float
-    """θ0, without its modes."""
+    start: Start
     density: Array
-    """At `POINTS` places over the pipe, like the next two: the start."""
+    """At `POINTS` places over the pipe: the start."""
     mean_velocity: Array
+    """Likewise, of each of the Gaussians that the start is made of, or bounded by: (Gaussians, POINTS)."""
     temperature: Array
+    """Of each Gaussian, likewise."""
+    spread: float
+    """The hottest place at the start, of all Gaussians together."""
+    narrowest: float
+    """The variance of a Gaussian as fine in v as the start is anywhere."""
     whole: Transition
     """Of friction and noise over the whole run."""
     theta_end: float
@@ -77,6 +80,11 @@ class Scales:
         return max(float(self.temperature.max()), self.theta_end)
 
     @property
+    def hottest(self) -> float:
+        """The largest variance of v at any place and time: bounds rates."""
+        return max(self.theta_max, self.spread)
+
+    @property
     def means(self) -> tuple[float, float]:
         """The least and the largest mean velocity, at the start and at the end as gravity and friction alone would have it."""
         start = [float(self.mean_velocity.min()), float(self.mean_velocity.max())]
@@ -86,12 +94,21 @@ class Scales:
     @property
     def collision_rate(self) -> float:
         """ν = Sρ√θ at the largest density and temperature."""
-        return self.scene.cross_section * self.rho_max * math.sqrt(self.theta_max)
+        return self.scene.cross_section * self.rho_max * math.sqrt(self.hottest)
 
     @property
     def amplification(self) -> float:
         """R_t: under (6) a slow disturbance w√θ from the mean grows by up to exp(R_t w) until the end (docs/theory.md)."""
-        return self.scene.cross_section * self.rho_max * math.sqrt(self.theta_max) * self.whole.drift_time
+        return self._amplification(math.sqrt(self.hottest))
+
+    @property
+    def slowing(self) -> float:
+        """R_t√θ, by which (6) moves the hottest Gaussian of the start, at the most."""
+        thermal = math.sqrt(self.theta_max)
+        return self._amplification(thermal) * thermal
+
+    def _amplification(self, thermal: float) -> float:
+        return self.scene.cross_section * self.rho_max * thermal * self.whole.drift_time
 
     @property
     def noise_hardly_acts(self) -> bool:
@@ -110,14 +127,15 @@ class Scales:
         return self.scene.operator == FOLLOW_LEADER and self.shifted
 
 
-def scales_of(scene: Scene, times: Array, lab_friction: float | None = None) -> Scales:
-    """The scales of a scene that is written at these times of its own clock."""
+def scales_of(scene: Scene, times: Array, lab_friction: float | None = None, start: Start | None = None) -> Scales:
+    """The scales of a scene that is written at these times of its own clock, and starts from what it says or from `start`."""
+    start = SceneStart(scene) if start is None else start
     x = scene.pipe.length * np.arange(POINTS) / POINTS
-    u0, theta0 = initial.start_state(scene)
-    density, temperature = initial.density(scene, x), initial.temperature(scene, x, theta0)
+    density, gaussians = start.density(x), start.gaussians(x)
+    temperature = np.array([theta for _, _, theta in gaussians])
     whole = transition(scene.model, scene.run.end_time)
     theta_end = float(temperature.max()) * whole.decay**2 + whole.velocity_variance
-    coldest = float(temperature.min())
+    coldest = start.narrowest(x)
     theta_min = min(coldest, coldest * whole.decay**2 + whole.velocity_variance)
     if scene.operator == INELASTIC:
         if float(density.min()) > 0:
@@ -132,11 +150,12 @@ def scales_of(scene: Scene, times: Array, lab_friction: float | None = None) -> 
         scene,
         times,
         scene.model.friction if lab_friction is None else lab_friction,
-        u0,
-        theta0,
+        start,
         density,
-        initial.mean_velocity(scene, x, u0),
+        np.array([mean for _, mean, _ in gaussians]),
         temperature,
+        start.hottest(x),
+        coldest,
         whole,
         theta_end,
         theta_min,

@@ -76,7 +76,7 @@ def _of_x(seen: Observation, diagnostics: dict[str, float]) -> float:
     if seen.grid.nx == 1:
         return 0.0
     if seen.plan.inner.operator is None:
-        if seen.plan.inner.initial.step is None:
+        if seen.plan.scales.start.band_limited:
             return 0.0  # waves do not couple, and those of the start are all there
         return float(relative_amplitudes(seen.f)[-1])
     return max(diagnostics["spectral_tail"], diagnostics["density_defect"])
