@@ -64,7 +64,8 @@ def recording(recorder: Recorder) -> Iterator[None]:
 
 
 class MemoryRecorder:
-    """Keeps frames in memory and makes them a Dataset. `more` are coordinates beside time, x and v."""
+    """Keeps frames in memory and makes them a Dataset. `more` are coordinates beside time, x and v, `notes` attributes beside the
+    common ones."""
 
     def __init__(
         self,
@@ -74,9 +75,10 @@ class MemoryRecorder:
         method: str = "grid",
         variables: Variables = VARIABLES,
         more: Mapping[str, np.ndarray] | None = None,
+        notes: Mapping[str, str] | None = None,
     ) -> None:
         self.grid, self.scene, self.method = grid, scene, method
-        self._variables, self._more = variables, more or {}
+        self._variables, self._more, self._notes = variables, more or {}, dict(notes or {})
         self._dimensions = schedule.dimensions(scene)
         self._times: dict[str, list[float]] = {name: [] for name in self._dimensions.values()}
         self._values: dict[str, list[Any]] = {}
@@ -111,7 +113,7 @@ class MemoryRecorder:
         axes.update({name: (name, values) for name, values in self._more.items()})
         for name, times in self._times.items():
             axes[name] = (name, np.array(times), {"long_name": "time", "units": "time", "axis": "T"})
-        dataset = xr.Dataset(data, axes, attributes(self.scene, self.method))
+        dataset = xr.Dataset(data, axes, attributes(self.scene, self.method) | self._notes)
         dataset.attrs.update(self._last)
         return dataset
 
@@ -137,6 +139,7 @@ class NetCDFRecorder:
         variables: Variables = VARIABLES,
         more: Mapping[str, np.ndarray] | None = None,
         after: float | None = None,
+        notes: Mapping[str, str] | None = None,
     ) -> None:
         self.path = Path(path)
         refuse_existing(path, overwrite or after is not None)
@@ -144,7 +147,7 @@ class NetCDFRecorder:
             raise SceneError(f"{self.path}: cannot be created (its folder does not exist)")
         self._grid, self._scene, self._method = grid, scene, method
         self._file: Any = None
-        self._variables, self._more = variables, more or {}
+        self._variables, self._more, self._notes = variables, more or {}, dict(notes or {})
         self._schedule, self._dimensions = schedule, schedule.dimensions(scene)
         self._count = dict.fromkeys(self._dimensions.values(), 0)
         if after is not None:
@@ -173,7 +176,7 @@ class NetCDFRecorder:
             self._file = out = netCDF4.Dataset(self.path, "w", format="NETCDF3_64BIT_DATA")
         except OSError as error:
             raise SceneError(f"{self.path}: cannot be created ({error.strerror})") from None
-        out.setncatts(attributes(scene, method))
+        out.setncatts(attributes(scene, method) | self._notes)
         for name, size in (("x", grid.nx), ("v", grid.nv), ("bounds", 2)):
             out.createDimension(name, size)
         for name, (dimension, values, attrs) in coordinates(grid).items():

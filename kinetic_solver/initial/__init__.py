@@ -12,11 +12,14 @@ from kinetic_solver.initial.fields import (
     temperature,
 )
 from kinetic_solver.initial.from_file import file_grid, from_file
+from kinetic_solver.initial.given import Given, GivenStart, notes_of, recorded, take
 from kinetic_solver.initial.start import Gaussians, SceneStart, Start
 from kinetic_solver.initial.state import distribution, initial_state, maxwellian
 
 __all__ = [
     "Gaussians",
+    "Given",
+    "GivenStart",
     "SceneStart",
     "Start",
     "beams",
@@ -32,7 +35,10 @@ __all__ = [
     "initial_state",
     "maxwellian",
     "mean_velocity",
+    "notes_of",
+    "recorded",
     "resolved_density",
     "start_state",
+    "take",
     "temperature",
 ]

@@ -34,6 +34,10 @@ class Start(Protocol):
         """Whether f is the sum of `gaussians`, and not merely bounded by them."""
 
     @property
+    def closed_form(self) -> bool:
+        """Whether f is known to round-off of itself, however far into its tails."""
+
+    @property
     def mean_velocity(self) -> float:
         """u0, the mean velocity of all particles, without modes."""
 
@@ -83,6 +87,10 @@ class SceneStart:
     @property
     def gaussian(self) -> bool:
         return not self.scene.initial.eigenmodes and self.scene.initial.file is None
+
+    @property
+    def closed_form(self) -> bool:
+        return self.scene.initial.file is None
 
     @property
     def mean_velocity(self) -> float:

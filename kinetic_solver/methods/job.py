@@ -10,6 +10,7 @@ import numpy as np
 
 from kinetic_solver.dataset import VARIABLES, NetCDFRecorder, Variables
 from kinetic_solver.grid import PhaseSpaceGrid
+from kinetic_solver.initial import Given
 from kinetic_solver.methods.progress import Progress
 from kinetic_solver.scene import Scene, Schedule
 
@@ -27,6 +28,8 @@ class Job:
     max_walltime: float | None = None
     """Seconds after which to stop at a frame, with a checkpoint."""
     progress: Progress | None = None
+    initial: Given | None = None
+    """A start of one's own, instead of [initial]."""
 
     def recorder(
         self,
@@ -36,11 +39,12 @@ class Job:
         scene: Scene | None = None,
         more: Mapping[str, np.ndarray] | None = None,
         after: float | None = None,
+        notes: Mapping[str, str] | None = None,
     ) -> NetCDFRecorder:
         """Of this job's file. `scene` is that of the job, unless the method has completed it; else as for `NetCDFRecorder`."""
         overwrite = self.overwrite or self.resume
         written = self.scene if scene is None else scene
-        return NetCDFRecorder(self.path, grid, written, schedule, self.method, overwrite, variables, more, after)
+        return NetCDFRecorder(self.path, grid, written, schedule, self.method, overwrite, variables, more, after, notes)
 
 
 @dataclass(frozen=True)

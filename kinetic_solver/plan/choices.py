@@ -105,7 +105,7 @@ def velocity(scales: Scales) -> VelocityScheme:
 def hermite_may_pay(scales: Scales) -> bool:
     """Whether Hermite functions are worth counting: for (12), near σ at all times, and nothing said that speaks of points."""
     scene, sigma, given = scales.scene, scales.scene.model.noise, scales.scene.grid
-    if scene.operator != INELASTIC or scene.model.friction * sigma == 0 or scene.initial.file is not None:
+    if scene.operator != INELASTIC or scene.model.friction * sigma == 0 or not scales.start.closed_form:
         return False
     if any((given.nv, given.velocity_window, given.velocity, given.stepping, given.drift_diffusion, given.deposit)):
         return False

@@ -24,6 +24,8 @@ ROOM = 20
 MORE_WITH_COLLISIONS = (1.3, 4.0, 0.5)
 """(a, b, c): a times as many as free motion needs, b more, and c R_t² for what (6) amplifies. Chosen; the run looks at the last
 coefficients and takes more where they count (solver/monitor.py)."""
+GIVEN_PLACES = 128
+"""Along x, at which the functions in an f(x, v) that was given are counted. Chosen."""
 SPARE = 8
 """More, watched by the run: the last of them say whether there are enough."""
 ROUNDING = 1e-8
@@ -84,8 +86,12 @@ def _of_the_start(scales: Scales) -> int:
     """The highest function that counts in the start."""
     scene, start = scales.scene, scales.start
     basis = basis_of(scene, MOST_FUNCTIONS)
-    whole = sum_of_gaussians(basis, start.gaussians(scales.x), np.ones(POINTS))
-    spread = np.abs(whole).max(axis=0)
+    if start.gaussian or scene.initial.eigenmodes or scene.initial.file is not None:
+        spread = np.abs(sum_of_gaussians(basis, start.gaussians(scales.x), np.ones(POINTS))).max(axis=0)
+    else:
+        v = points_for_coefficients(scene, basis, start.mean_velocity, start.temperature)
+        spread = np.abs(basis.coefficients(start.outline(scales.x[:: POINTS // GIVEN_PLACES], v), v)).max(axis=0)
+        spread = spread / scales.density.mean()
     if scene.initial.eigenmodes:
         u0 = start.mean_velocity
         v = points_for_coefficients(scene, basis, u0, start.temperature)

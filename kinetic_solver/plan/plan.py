@@ -118,13 +118,17 @@ class Plan:
         return replace(self, scales=scales, waves=Waves(scales))
 
 
-def make_plan(scene: Scene) -> Plan:
-    """Choose what the scene leaves open. Raises SceneError where no grid in this machine's memory can do it."""
+def make_plan(scene: Scene, given: initial.Given | None = None) -> Plan:
+    """Choose what the scene leaves open; for a start of one's own, f(x, v), where it is given. Raises SceneError where no grid in
+    this machine's memory can do it, and where that f cannot be started from."""
     reasons: dict[str, str] = {}
+    start = None
+    if given is not None:
+        scene, start = initial.take(scene, given)
     if scene.initial.file is not None:
         scene, reasons = _on_the_files_grid(scene)
     try:
-        return _make_plan(scene, reasons)
+        return _make_plan(scene, reasons, start)
     except (OverflowError, ZeroDivisionError) as error:
         groups = scene.groups
         raise SceneError(
@@ -133,14 +137,15 @@ def make_plan(scene: Scene) -> Plan:
         ) from None
 
 
-def _make_plan(scene: Scene, known: Mapping[str, str]) -> Plan:
+def _make_plan(scene: Scene, known: Mapping[str, str], start: initial.GivenStart | None) -> Plan:
     schedule = Schedule.of(scene, VARIABLES)
-    here = scales_of(scene, schedule.times)
+    here = scales_of(scene, schedule.times, start=start)
     choices.check_given(here)
 
     def clocked(frame: ReferenceFrame) -> Scales:
         times = np.array([frame.clock(float(time)) for time in schedule.times])
-        return scales_of(frame.scene(scene), times, scene.model.friction)
+        seen = None if start is None else start.seen_from(frame.start)
+        return scales_of(frame.scene(scene), times, scene.model.friction, seen)
 
     frame, scales = choices.reference_frame(here, clocked)
     waves, inner = Waves(scales), scales.scene

@@ -23,8 +23,9 @@ DROPPED = 10.0
 """Waves of a relative amplitude below rtol over this are left out. Chosen: ten such waves in step make rtol."""
 MOST_MODES = 20_000
 """Of a density step: more are asked for by mistake, not by need."""
-VELOCITIES = 33
-"""At which a spectrum along x is taken, spread over the start's velocities: its largest amplitude varies little between them."""
+VELOCITIES, MOST_VELOCITIES = 33, 513
+"""At which a spectrum along x is taken, spread over the start's velocities: its largest amplitude varies little between them.
+More, up to the second, where the start has parts narrower than their distance, so that none is missed."""
 NOISELESS_MIXING = 1.1
 """Margin for the shortest wave in v where no noise smooths what is beyond it. Chosen."""
 GAUGE_ROUND_OFF = 0.05
@@ -143,7 +144,9 @@ class Waves:
         """Relative amplitudes along x of weight(x)·f."""
         s = self.scales
         reach = s.tail * math.sqrt(float(s.temperature.max()))
-        v = np.linspace(float(s.mean_velocity.min()) - reach, float(s.mean_velocity.max()) + reach, VELOCITIES)
+        low, high = float(s.mean_velocity.min()) - reach, float(s.mean_velocity.max()) + reach
+        count = min(MOST_VELOCITIES, max(VELOCITIES, math.ceil((high - low) / math.sqrt(s.narrowest))))
+        v = np.linspace(low, high, count)
         return relative_amplitudes(weight[:, None] * s.start.outline(s.x, v))
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from kinetic_solver.dataset import MemoryRecorder, Recorder, recording
+from kinetic_solver.initial import Given, notes_of, recorded
 from kinetic_solver.plan import Plan, make_plan
 from kinetic_solver.scene import Scene
 from kinetic_solver.solver.loop import March, Progress
@@ -15,15 +16,17 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
-def solve(scene: Scene, progress: Progress | None = None) -> xr.Dataset:
+def solve(scene: Scene, progress: Progress | None = None, initial: Given | None = None) -> xr.Dataset:
     """Solve (2) for `scene` on the phase-space grid; return every frame as an xarray Dataset (docs/output.md).
 
     Exact in time without collisions and with operator (6); with (12) of high order, under error control. Mass is conserved to
-    round-off. Raises SceneError where the scene cannot be run, and SolverStopped, with the frames so far as its `dataset`, where
-    a run cannot go on.
+    round-off. `initial` is a start of one's own instead of [initial]: f(x, v) as a callable or a DataArray (docs/starts.md).
+
+    Raises SceneError where the scene, or that start, cannot be run, and SolverStopped, with the frames so far as its `dataset`,
+    where a run cannot go on.
     """
-    plan = make_plan(scene)
-    recorder = MemoryRecorder(plan.output, scene, plan.schedule)
+    plan = make_plan(scene, initial)
+    recorder = MemoryRecorder(plan.output, recorded(scene, plan.start), plan.schedule, notes=notes_of(plan.start))
     with recording(recorder):
         report = integrate(plan, recorder, progress)
     recorder.close(report=report.attributes())
