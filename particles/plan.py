@@ -47,6 +47,8 @@ class ParticlePlan:
     """The largest of γ, the rate of collisions and that of flight over 1/k."""
     relative_width: float
     """A cell's width over the shortest of the mean free path, the thermal free path √θ/γ and 1/k; 0 without cells."""
+    start: initial.GivenStart | None = None
+    """Instead of what the scene says, where one was given."""
 
     @cached_property
     def schedule(self) -> Schedule:
@@ -109,15 +111,22 @@ class _Scales:
     path: float
 
 
-def make_plan(scene: Scene, operator: CollisionLaw | None = None) -> ParticlePlan:
+def make_plan(scene: Scene, operator: CollisionLaw | None = None, own: initial.Given | None = None) -> ParticlePlan:
     """Cells no wider than a quarter of the mean free path, of the thermal free path and of 1/k of the start's shortest wave, but
     for `LEAST_IN_CELL` particles in each; steps in which friction, collisions and flight over 1/k each do a tenth of what they do
     in all, where the start is densest and for the largest differences of velocity in it. What `[particles]` gives is kept.
     Errors: docs/particles.md.
 
-    `operator` stands in for [collisions], which the scene must not have then.
-    Raises SceneError where the scene asks for what the particles do not do or this machine cannot hold.
+    `operator` stands in for [collisions], and `own`, an f(x, v), for [initial], which
+    counts with its waves down to a tenth of the strongest:
+    the scene must not have these then.
+
+    Raises SceneError where the scene asks for what the particles do not do or this machine cannot hold, and where that f cannot
+    be started from.
     """
+    start = None
+    if own is not None:
+        scene, start = initial.take(scene, own)
     law = scene.law if operator is None else _pair_law(scene, operator)
     if scene.initial.file is not None:
         scene = _of_the_file(scene)
@@ -126,16 +135,17 @@ def make_plan(scene: Scene, operator: CollisionLaw | None = None) -> ParticlePla
         raise SceneError("initial.eigenmodes: the particles start from a Maxwellian or a file of particles; remove it")
     if not any((scene.output.f, scene.output.moments, scene.output.scalars, scene.output.particles)):
         raise SceneError("output: f, moments, scalars and particles are all false; nothing would be written")
-    scales = _scales(scene, law)
+    scales = _scales(scene, law, start)
     in_file = law is not None and given.collisions == "single-file"
     if in_file and given.cells:
         raise SceneError("particles.cells: single-file collisions have no cells; remove it")
     wanted = min(math.ceil(min(4 * length / scales.shortest, 1e18)), given.count // LEAST_IN_CELL)
     cells = 1 if in_file else given.cells or max(1, wanted)
     step = (given.time_step or 0.1 / scales.fastest) if law else math.inf
-    grid = PhaseSpaceGrid(scene.grid.nx or 65, scene.grid.nv or 64, length, *(scene.grid.velocity_window or _window(scene, law)))
+    low, high = scene.grid.velocity_window or _window(scene, law, start)
+    grid = PhaseSpaceGrid(scene.grid.nx or 65, scene.grid.nv or 64, length, low, high)
     width = 0.0 if in_file else length / cells / scales.shortest
-    plan = ParticlePlan(scene, law, grid, cells, step, scales.path, scales.fastest, width)
+    plan = ParticlePlan(scene, law, grid, cells, step, scales.path, scales.fastest, width, start)
     _check(plan)
     return plan
 
@@ -188,37 +198,54 @@ def _of_the_file(scene: Scene) -> Scene:
     return scene.model_copy(update={"particles": wanted.model_copy(update={"count": count, "replicas": copies})})
 
 
-def _start(scene: Scene) -> tuple[Array, Array, Array]:
-    """Densities, mean velocities and temperatures at the start, over the pipe; of a file over all its particles."""
+def _start(scene: Scene, given: initial.GivenStart | None) -> tuple[Array, Array, Array]:
+    """Densities, and mean velocities and temperatures of every beam, at the start over the pipe; of a file over all its
+    particles."""
     if scene.initial.file is not None:
         _, v = start_from_file(scene)
         return np.array([scene.initial.density]), np.array([v.mean()]), np.array([v.var()])
     x = scene.pipe.length * np.arange(4096) / 4096
-    u0, theta0 = start_state(scene)
-    return initial.density(scene, x), initial.mean_velocity(scene, x, u0), initial.temperature(scene, x, theta0)
+    if given is not None:
+        parts = given.gaussians(x)
+        return given.density(x), np.array([u for _, u, _ in parts]), np.array([theta for _, _, theta in parts])
+    fields = [
+        (initial.mean_velocity(scene, x, u0), initial.temperature(scene, x, theta0)) for _, u0, theta0 in initial.beams(scene)
+    ]
+    u, theta = (np.array(part) for part in zip(*fields, strict=True))
+    return initial.density(scene, x), u, theta
 
 
-def _scales(scene: Scene, law: PairLaw | None) -> _Scales:
+def _scales(scene: Scene, law: PairLaw | None, given: initial.GivenStart | None) -> _Scales:
     start, model, length = scene.initial, scene.model, scene.pipe.length
-    density, u, theta = _start(scene)
+    density, u, theta = _start(scene, given)
     hottest = math.sqrt(max(theta.max(), model.noise))
     spread = hottest + float(u.max() - u.min())
+    if given is not None:
+        # Parts of f with other mean velocities show in a variance that is larger than that of the narrowest one.
+        u, theta = given.local_state()
+        thermal = math.sqrt(float(theta.max()))
+        hottest = max(hottest, thermal)
+        spread = hottest + float(np.ptp(u)) + max(0.0, thermal - math.sqrt(given.narrowest(u)))
     modes = (*start.density_modes, *start.velocity_modes, *start.temperature_modes)
     waves = [length / (2 * math.pi * max((m.mode for m in modes), default=1))]
     if start.step is not None:
         width = start.step.end - start.step.start
         waves += [length * part / (2 * math.pi) for part in (width, 1 - width) if part > 0]
+    if start.pulse is not None:
+        waves.append(length * start.pulse.width)
+    if given is not None:
+        waves.append(length / (2 * math.pi * max(1, given.strong_mode)))
     rate = law.cross_section * float(density.max()) if law is not None else 0.0
     path = 1 / rate if rate else math.inf
     thermal = hottest / model.friction if model.friction else math.inf
     return _Scales(max(model.friction, 2 * rate * spread, spread / min(waves)), min(path, thermal, *waves), path)
 
 
-def _window(scene: Scene, law: PairLaw | None) -> tuple[float, float]:
+def _window(scene: Scene, law: PairLaw | None, given: initial.GivenStart | None) -> tuple[float, float]:
     """Six standard deviations about the mean velocities of the start, and of the homogeneous states of the densities in it as far
     as these are approached until the end. Raises SceneError where all velocities are the same to double precision."""
     model, end = scene.model, scene.run.end_time
-    density, u, theta = _start(scene)
+    density, u, theta = _start(scene, given)
     means = [float(u.min()), float(u.max())]
     if model.friction > 0:
         drags = law is not None and "momentum" not in law.conserves  # at most as follow the leader does

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from kinetic_solver.arrays import Array
 
-LANGEVIN, COLLISIONS, POSITIONS, VELOCITIES, OVERTAKINGS = 0, 1, 2, 3, 4
+LANGEVIN, COLLISIONS, POSITIONS, VELOCITIES, OVERTAKINGS, PARTS = 0, 1, 2, 3, 4, 5
 """What numbers are for: the highest byte of the counter's last word, above the number of the draw."""
 
 _MULTIPLY_0, _MULTIPLY_1 = np.uint64(0xD2511F53), np.uint64(0xCD9E8D57)

@@ -9,19 +9,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from kinetic_solver import initial
+from kinetic_solver import initial as starts
 from kinetic_solver.arrays import Array
 from kinetic_solver.dataset import MemoryRecorder, Recorder, law_attribute, recording
-from kinetic_solver.initial import start_state
+from kinetic_solver.initial import Given, notes_of
 from kinetic_solver.laws import CollisionLaw, PairLaw
 from kinetic_solver.scene import Scene
 from particles.collisions import collide
+from particles.drawing import Drawing
 from particles.ensemble import Ensemble
 from particles.estimators import Sampler, density_modes, fields
 from particles.files import start_from_file
 from particles.langevin import LangevinStep
 from particles.plan import ParticlePlan, make_plan
-from particles.random import POSITIONS, VELOCITIES, key, standard_normals, uniforms
+from particles.random import PARTS, POSITIONS, VELOCITIES, key, standard_normals, uniforms
 from particles.records import coordinates, variables
 from particles.report import report
 from particles.single_file import SingleFile
@@ -72,6 +73,11 @@ class Simulation:
 
     def _start(self) -> Iterator[tuple[Array, Array]]:
         """x and v of every replica; those of a file that holds one are the same for all."""
+        if self.plan.start is not None:
+            drawing = Drawing(self.plan.start)
+            for k in self._keys:
+                yield drawing.draw(self.plan.scene.particles.count, k)
+            return
         if self.plan.scene.initial.file is None:
             yield from map(self._maxwellian, self._keys)
             return
@@ -80,22 +86,27 @@ class Simulation:
             yield x[replica % len(x)].copy(), v[replica % len(v)].copy()
 
     def _maxwellian(self, k: NDArray[np.uint64]) -> tuple[Array, Array]:
-        """Independent particles of the scene's Maxwellian: positions by the inverse of ∫ρ0, to 1e-9 of the pipe's length."""
+        """Independent particles of the scene's Maxwellians: positions by the inverse of ∫ρ0, to 1e-9 of the pipe's length."""
         scene, count = self.plan.scene, self.plan.scene.particles.count
         length = scene.pipe.length
         x, normals = np.empty(count), np.empty((count, 2))
         uniforms(x, POSITIONS, np.uint64(0), k[0], k[1])
         standard_normals(normals, VELOCITIES, np.uint64(0), k[0], k[1])
-        if scene.initial.step is not None or scene.initial.modes:
+        if scene.initial.step is not None or scene.initial.pulse is not None or scene.initial.modes:
             table = length * np.linspace(0, 1, 2**17 + 1)
-            cumulative = initial.density_integral(scene, table)
+            cumulative = starts.density_integral(scene, table)
             x = np.interp(x, cumulative / cumulative[-1], table)
         else:
             x *= length
         x[x >= length] = 0.0
-        u0, theta0 = start_state(scene)
-        theta = initial.temperature(scene, x, theta0)
-        return x, initial.mean_velocity(scene, x, u0) + np.sqrt(theta) * normals[:, 0]
+        shares, means, temperatures = np.array(starts.beams(scene)).T
+        part = np.zeros(count, dtype=np.int64)
+        if shares.size > 1:
+            chosen = np.empty(count)
+            uniforms(chosen, PARTS, np.uint64(0), k[0], k[1])
+            part = np.searchsorted(np.cumsum(shares)[:-1], chosen, side="right")
+        theta = starts.temperature(scene, x, 1.0) * temperatures[part]
+        return x, starts.mean_velocity(scene, x, 0.0) + means[part] + np.sqrt(theta) * normals[:, 0]
 
     def advance_to(self, time: float) -> None:
         scene, interval = self.plan.scene, time - self.time
@@ -167,15 +178,20 @@ def _needed(plan: ParticlePlan) -> PairLaw:
     return plan.law
 
 
-def simulate(scene: Scene, progress: Progress | None = None, operator: CollisionLaw | None = None) -> xr.Dataset:
+def simulate(
+    scene: Scene, progress: Progress | None = None, operator: CollisionLaw | None = None, initial: Given | None = None
+) -> xr.Dataset:
     """Run the scene's particles and return its Dataset (docs/output.md): means over replicas, each with `<name>_stderr`.
 
+    `initial` is a start of one's own instead of [initial], from which particles are drawn: f(x, v) as a callable or a DataArray
+    (docs/starts.md).
     Raises SceneError where the scene asks for what the particles do not do, and SolverStopped, with the frames so far as its
     `dataset`, where a run cannot go on.
     """
-    plan = make_plan(scene, operator)
+    plan = make_plan(scene, operator, initial)
     table, more = variables(plan.scene, plan.grid), coordinates(plan.scene, plan.grid)
-    recorder = MemoryRecorder(plan.grid, plan.scene, plan.schedule, "particles", table, more, law_attribute(operator))
+    notes = {**law_attribute(operator), **notes_of(plan.start)}
+    recorder = MemoryRecorder(plan.grid, plan.scene, plan.schedule, "particles", table, more, notes)
     with recording(recorder):
         run(plan, recorder, progress)
     recorder.close(report=report(plan))

@@ -103,7 +103,13 @@ def _start(scene: Scene) -> list[Row]:
             for m in scene.initial.eigenmodes
         ]
     u0, theta0 = start_state(scene)
-    return [("mean velocity, temperature", f"{u0:.6g}, {theta0:.6g}")]
+    rows = [("mean velocity, temperature", f"{u0:.6g}, {theta0:.6g}")]
+    for b in scene.initial.beams:
+        rows.append((f"beam, {b.share:.4g} of all", f"mean velocity {b.mean_velocity:.6g}, temperature {b.temperature:.6g}"))
+    if (pulse := scene.initial.pulse) is not None:
+        text = f"at {pulse.at:g} L, standard deviation {pulse.width:g} L, height {pulse.height:g} times the background"
+        rows.append(("pulse", text))
+    return rows
 
 
 def _run(plan: Plan) -> list[Row]:

@@ -64,7 +64,8 @@ def recording(recorder: Recorder) -> Iterator[None]:
 
 
 class MemoryRecorder:
-    """Keeps frames in memory and makes them a Dataset. `more` are coordinates beside time, x and v, `also` further attributes."""
+    """Keeps frames in memory and makes them a Dataset. `more` are coordinates beside time, x and v, `notes` attributes beside the
+    common ones."""
 
     def __init__(
         self,
@@ -74,10 +75,10 @@ class MemoryRecorder:
         method: str = "grid",
         variables: Variables = VARIABLES,
         more: Mapping[str, np.ndarray] | None = None,
-        also: Mapping[str, str] | None = None,
+        notes: Mapping[str, str] | None = None,
     ) -> None:
-        self.grid, self.scene, self.method, self._also = grid, scene, method, also or {}
-        self._variables, self._more = variables, more or {}
+        self.grid, self.scene, self.method = grid, scene, method
+        self._variables, self._more, self._notes = variables, more or {}, dict(notes or {})
         self._dimensions = schedule.dimensions(scene)
         self._times: dict[str, list[float]] = {name: [] for name in self._dimensions.values()}
         self._values: dict[str, list[Any]] = {}
@@ -112,8 +113,8 @@ class MemoryRecorder:
         axes.update({name: (name, values) for name, values in self._more.items()})
         for name, times in self._times.items():
             axes[name] = (name, np.array(times), {"long_name": "time", "units": "time", "axis": "T"})
-        dataset = xr.Dataset(data, axes, attributes(self.scene, self.method))
-        dataset.attrs.update({**self._also, **self._last})
+        dataset = xr.Dataset(data, axes, attributes(self.scene, self.method) | self._notes)
+        dataset.attrs.update(self._last)
         return dataset
 
 
@@ -138,15 +139,15 @@ class NetCDFRecorder:
         variables: Variables = VARIABLES,
         more: Mapping[str, np.ndarray] | None = None,
         after: float | None = None,
-        also: Mapping[str, str] | None = None,
+        notes: Mapping[str, str] | None = None,
     ) -> None:
-        self.path, self._also = Path(path), also or {}
+        self.path, self._notes = Path(path), dict(notes or {})
         refuse_existing(path, overwrite or after is not None)
         if not self.path.parent.is_dir():
             raise SceneError(f"{self.path}: cannot be created (its folder does not exist)")
         self._grid, self._scene, self._method = grid, scene, method
         self._file: Any = None
-        self._variables, self._more = variables, more or {}
+        self._variables, self._more, self._notes = variables, more or {}, dict(notes or {})
         self._schedule, self._dimensions = schedule, schedule.dimensions(scene)
         self._count = dict.fromkeys(self._dimensions.values(), 0)
         if after is not None:
@@ -175,7 +176,7 @@ class NetCDFRecorder:
             self._file = out = netCDF4.Dataset(self.path, "w", format="NETCDF3_64BIT_DATA")
         except OSError as error:
             raise SceneError(f"{self.path}: cannot be created ({error.strerror})") from None
-        out.setncatts({**attributes(scene, method), **self._also})
+        out.setncatts(attributes(scene, method) | self._notes)
         for name, size in (("x", grid.nx), ("v", grid.nv), ("bounds", 2)):
             out.createDimension(name, size)
         for name, (dimension, values, attrs) in coordinates(grid).items():

@@ -7,7 +7,8 @@ every Maxwellian start, ρ0, u0 and θ0 depending on y as they may,
     f(x, v, t) = ∫ρ0(y) exp(SΦ0(y)) N2(x, v | y) dy / E(x),    E(x) = exp(SΦ(x, t)) = ∫exp(SΦ0(y)) φ(ξ) (-dξ/dy) dy,
 
 ξ(y) = (x - y - m(y))/s(y) the starting point's displacement in standard deviations, φ the standard normal density; E follows from
-E_x = S∫F dv by parts, and is 1 without collisions. For uniform u0, θ0 all terms are positive. Sums are done in log space.
+E_x = S∫F dv by parts, and is 1 without collisions. F is linear in the start: of beams both integrals are sums over the beams,
+each times its share. For uniform u0, θ0 all terms are positive. Sums are done in log space.
 Error: below 1e-13 of max f (tests/exact/test_exact.py).
 """
 
@@ -37,7 +38,7 @@ class Solution:
 
     def __init__(self, scene: Scene, time: float) -> None:
         self.scene, self.time = scene, time
-        self.u0, self.theta0 = initial.start_state(scene)
+        self.beams = initial.beams(scene)
         self.spread = transition(scene.model, time)
         self._rho_max = float(initial.density(scene, scene.pipe.length * np.arange(2048) / 2048).max())
 
@@ -45,8 +46,7 @@ class Solution:
         """f at the points, shape (len(x), len(v))."""
         x, v = np.atleast_1d(np.asarray(x, float)), np.atleast_1d(np.asarray(v, float))
         if self.time == 0:
-            rho, u, theta = self._start(x)
-            return initial.maxwellian(rho, u, theta, v)
+            return initial.distribution(self.scene, x, v)
         noiseless = self.spread.velocity_variance == 0
         f = np.empty((x.size, v.size))
         for i, w in enumerate(self._weights(x)):
@@ -60,8 +60,7 @@ class Solution:
         """Density, mean velocity, temperature and heat flux ∫(v - u)³ f dv at x: moments of the mixture of Gaussians."""
         x = np.atleast_1d(np.asarray(x, float))
         if self.time == 0:
-            rho, u, theta = self._start(x)
-            return rho, u, theta, np.zeros_like(rho)
+            return self._moments_of_the_start(x)
         rho, u, theta, q = np.empty((4, x.size))
         for i, w in enumerate(self._weights(x)):
             rho[i] = w.weight.sum()
@@ -71,23 +70,31 @@ class Solution:
             q[i] = w.weight @ (c**3 + 3 * c * w.variance)
         return rho, u, theta, q
 
-    def _start(self, y: Array) -> tuple[Array, Array, Array]:
-        s = self.scene
-        return initial.density(s, y), initial.mean_velocity(s, y, self.u0), initial.temperature(s, y, self.theta0)
+    def _fields(self, y: Array, u0: float, theta0: float) -> tuple[Array, Array]:
+        """Mean velocity and temperature of one beam."""
+        return initial.mean_velocity(self.scene, y, u0), initial.temperature(self.scene, y, theta0)
+
+    def _moments_of_the_start(self, x: Array) -> tuple[Array, Array, Array, Array]:
+        """A sum of Maxwellians has a heat flux, where one has none."""
+        rho, parts = initial.density(self.scene, x), [(share, *self._fields(x, u, theta)) for share, u, theta in self.beams]
+        mean = np.asarray(sum(share * u for share, u, _ in parts))
+        variance = np.asarray(sum(share * (theta + (u - mean) ** 2) for share, u, theta in parts))
+        third = np.asarray(sum(share * (u - mean) * ((u - mean) ** 2 + 3 * theta) for share, u, theta in parts))
+        return rho, mean, variance, rho * third
 
     def _weights(self, x: Array) -> Iterator[_Weights]:
         """For each x: what arrives there, as a mixture of Gaussians in v, one from each node y."""
         scene, k = self.scene, self.spread
         e, b, length = k.decay, k.drift_time, scene.pipe.length
-        _, u, theta = self._start(length * np.arange(2048) / 2048)
-        drift = b * np.array([u.min(), u.max()]) + k.displacement_shift
-        wide = math.sqrt(float(theta.max()) * b * b + k.displacement_variance)
-        # Starting points lie a displacement behind; exp(SΦ0) favours dense places ahead, by at most S ρ_max variance.
-        ahead = scene.cross_section * self._rho_max * wide**2
-        spacing = self._spacing(float(theta.min()))
+        reaches = [self._reach(u, theta) for _, u, theta in self.beams]
         for point in x:
-            y, quadrature = self._nodes(point - drift[1] - SIGMAS * wide, point - drift[0] + SIGMAS * wide + ahead, spacing)
-            rho0, u0, theta0 = self._start(y)
+            found = [self._nodes(point + behind, point + ahead, spacing) for behind, ahead, spacing in reaches]
+            y = np.concatenate([nodes for nodes, _ in found])
+            quadrature = np.concatenate([share * w for (share, _, _), (_, w) in zip(self.beams, found, strict=True)])
+            of_beams = [self._fields(nodes, u, theta) for (_, u, theta), (nodes, _) in zip(self.beams, found, strict=True)]
+            u0, theta0 = (np.concatenate(part) for part in zip(*of_beams, strict=True))
+            base = np.repeat([theta for _, _, theta in self.beams], [nodes.size for nodes, _ in found])
+            rho0 = initial.density(scene, y)
             xx, xv, vv = self._covariance(theta0)
             displaced = point - y - u0 * b - k.displacement_shift
             log_weight = scene.cross_section * initial.density_integral(scene, y) - displaced**2 / (2 * xx)
@@ -95,7 +102,7 @@ class Solution:
             kernel = np.exp(log_weight - top) * quadrature / np.sqrt(2 * np.pi * xx)
             # -s dξ/dy, 1 for uniform u0 and θ0
             du = _derivative(scene.initial.velocity_modes, y, length)
-            dtheta = self.theta0 * _derivative(scene.initial.temperature_modes, y, length)
+            dtheta = base * _derivative(scene.initial.temperature_modes, y, length)
             scale = float(kernel @ (1 + b * du + displaced * b * b * dtheta / (2 * xx)))
             yield _Weights(
                 weight=kernel * rho0 / scale,
@@ -103,6 +110,16 @@ class Solution:
                 variance=vv,
                 log_scale=top + math.log(scale),
             )
+
+    def _reach(self, u0: float, theta0: float) -> tuple[float, float, float]:
+        """Of one beam: from how far behind and ahead particles may have come, and the nodes' spacing."""
+        k, b, length = self.spread, self.spread.drift_time, self.scene.pipe.length
+        u, theta = self._fields(length * np.arange(2048) / 2048, u0, theta0)
+        drift = b * np.array([u.min(), u.max()]) + k.displacement_shift
+        wide = math.sqrt(float(theta.max()) * b * b + k.displacement_variance)
+        # Starting points lie a displacement behind; exp(SΦ0) favours dense places ahead, by at most S ρ_max variance.
+        ahead = self.scene.cross_section * self._rho_max * wide**2
+        return -drift[1] - SIGMAS * wide, -drift[0] + SIGMAS * wide + ahead, self._spacing(float(theta.min()))
 
     def _covariance(self, theta0: Array) -> tuple[Array, Array, Array]:
         """Of what starts with temperature θ0: variance of x, covariance, and variance of v given x."""
@@ -122,6 +139,8 @@ class Solution:
         precision = 1 / xx + ((xv / xx) ** 2 / vv if vv > 0 else 0.0)
         modes = (*start.modes, *start.velocity_modes, *start.temperature_modes)
         k_max = 2 * math.pi / self.scene.pipe.length * max((m.mode for m in modes), default=0)
+        if start.pulse is not None:
+            k_max += 1.5 / (start.pulse.width * self.scene.pipe.length)  # nine of a Gaussian's widths in k, as of the others
         return math.pi / (9 * math.sqrt(precision) + 6 * k_max + 6 * self.scene.cross_section * self._rho_max)
 
     def _nodes(self, low: float, high: float, spacing: float) -> tuple[Array, Array]:
@@ -149,10 +168,12 @@ class Solution:
         k = self.spread
         v0 = (v - k.velocity_shift) / k.decay
         y = x - k.drift_time * v0 - k.displacement_shift
-        rho, u, theta = self._start(y)
         exponent = self.scene.cross_section * initial.density_integral(self.scene, y) - log_scale
-        f0 = rho / np.sqrt(2 * np.pi * theta)
-        return f0 * np.exp(exponent - (v0 - u) ** 2 / (2 * theta)) / k.decay
+        height, f = initial.density(self.scene, y) * np.exp(exponent) / k.decay, np.zeros_like(v)
+        for share, u0, theta0 in self.beams:
+            u, theta = self._fields(y, u0, theta0)
+            f += share * height * np.exp(-((v0 - u) ** 2) / (2 * theta)) / np.sqrt(2 * np.pi * theta)
+        return f
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
+from kinetic_solver import initial
 from kinetic_solver.arrays import Array
 from kinetic_solver.dataset import Frame, MemoryRecorder, Variables, schema
 from kinetic_solver.errors import SceneError
@@ -100,9 +101,13 @@ def _window(scene: Scene) -> tuple[float, float]:
     """Six standard deviations about every mean velocity at the start and at the end."""
     places = scene.pipe.length * np.arange(64) / 64
     means, spreads = [], []
-    for time in (0.0, scene.run.end_time):
-        _, u, theta, _ = Solution(scene, time).moments(places)
-        means += [u.min(), u.max()]
-        spreads.append(theta.max())
+    for share, mean, temperature in initial.beams(scene):
+        # Each beam keeps the velocities that it would have alone: F is linear, and exp(-SΦ) does not depend on v.
+        of_beam = {"beams": (), "mean_velocity": mean, "temperature": temperature} if share < 1 else {}
+        alone = scene.model_copy(update={"initial": scene.initial.model_copy(update=of_beam)})
+        for time in (0.0, scene.run.end_time):
+            _, u, theta, _ = Solution(alone, time).moments(places)
+            means += [u.min(), u.max()]
+            spreads.append(theta.max())
     reach = 6 * math.sqrt(max(spreads))
     return float(min(means)) - reach, float(max(means)) + reach

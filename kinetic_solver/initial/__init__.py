@@ -1,7 +1,9 @@
-"""The state at time 0: the scene's conventions for its fields over x, and f from them, from eigenmodes, or from a file."""
+"""The state at time 0: the scene's conventions for its fields over x, f from them, from eigenmodes, or from a file, and `Start`,
+which runs ask for all of that."""
 
 from kinetic_solver.initial.eigenmodes import check_eigenmodes, eigenmode_background, eigenmode_shapes, eigenmode_state
 from kinetic_solver.initial.fields import (
+    beams,
     density,
     density_integral,
     mean_velocity,
@@ -10,12 +12,21 @@ from kinetic_solver.initial.fields import (
     temperature,
 )
 from kinetic_solver.initial.from_file import file_grid, from_file
-from kinetic_solver.initial.state import initial_state, maxwellian
+from kinetic_solver.initial.given import Given, GivenStart, notes_of, recorded, take
+from kinetic_solver.initial.start import Gaussians, SceneStart, Start
+from kinetic_solver.initial.state import distribution, initial_state, maxwellian
 
 __all__ = [
+    "Gaussians",
+    "Given",
+    "GivenStart",
+    "SceneStart",
+    "Start",
+    "beams",
     "check_eigenmodes",
     "density",
     "density_integral",
+    "distribution",
     "eigenmode_background",
     "eigenmode_shapes",
     "eigenmode_state",
@@ -24,7 +35,10 @@ __all__ = [
     "initial_state",
     "maxwellian",
     "mean_velocity",
+    "notes_of",
+    "recorded",
     "resolved_density",
     "start_state",
+    "take",
     "temperature",
 ]

@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from kinetic_solver.arrays import Array
-from kinetic_solver.scene import Scene, fourier_sum
+from kinetic_solver.scene import Pulse, Scene, fourier_sum
 from kinetic_solver.stability.homogeneous import HomogeneousState, homogeneous_state
 
 
 def start_state(scene: Scene) -> tuple[float, float]:
-    """(u0, θ0): the scene's own where given, else the homogeneous state's.
+    """(u0, θ0): the scene's own where given, else the homogeneous state's; of beams those of all particles together.
 
     Where that does not exist, the mean velocity is g/γ (0 for γ = 0), and the temperature σ (1 for σ = 0).
     """
     start, model = scene.initial, scene.model
+    if start.beams:
+        mean = math.fsum(b.share * b.mean_velocity for b in start.beams)
+        return mean, math.fsum(b.share * (b.temperature + (b.mean_velocity - mean) ** 2) for b in start.beams)
     u0, theta0 = start.mean_velocity, start.temperature
     keeps_momentum = scene.law is not None and "momentum" in scene.law.conserves
     if u0 is None and theta0 is not None and keeps_momentum and model.friction * model.noise > 0:
@@ -30,10 +35,19 @@ def start_state(scene: Scene) -> tuple[float, float]:
     return u0, theta0
 
 
+def beams(scene: Scene) -> list[tuple[float, float, float]]:
+    """(share, u, θ) of every Maxwellian that the start is made of, without the modes of velocity and temperature."""
+    if scene.initial.beams:
+        return [(b.share, b.mean_velocity, b.temperature) for b in scene.initial.beams]
+    return [(1.0, *start_state(scene))]
+
+
 def density(scene: Scene, x: ArrayLike) -> Array:
     """ρ0(x), of the shape of x; its mean over the pipe is `initial.density`."""
     start = scene.initial
     x = np.asarray(x, dtype=float)
+    if start.pulse is not None:
+        return start.density / start.pulse.whole * (1 + start.pulse.height * _gaussians(start.pulse, x / scene.pipe.length))
     if start.step is None:
         return start.density * (1 + fourier_sum(start.density_modes, x, scene.pipe.length))
     place = np.mod(x / scene.pipe.length, 1.0)
@@ -42,19 +56,36 @@ def density(scene: Scene, x: ArrayLike) -> Array:
 
 
 def resolved_density(scene: Scene, x: Array) -> Array:
-    """ρ0 as a grid can carry it, on the points of a period: a step cut off after the last Fourier mode, not sampled.
+    """ρ0 as a grid can carry it, on the points of a period: a step or a pulse cut off after the last Fourier mode, not sampled.
 
-    Samples of a jump misplace it by up to dx, in the mass as in every wave; the cut leaves all waves that the grid holds exact.
+    Samples of a jump misplace it by up to dx, in the mass as in every wave, and samples of a narrow pulse miss some of its mass;
+    the cut leaves all waves that the grid holds exact.
     """
-    step, n = scene.initial.step, x.size
-    if step is None:
+    step, pulse, n = scene.initial.step, scene.initial.pulse, x.size
+    if step is None and pulse is None:
         return density(scene, x)
     k = 2 * np.pi * np.arange(1, n // 2 + 1)
     waves = np.empty(n // 2 + 1, dtype=complex)
     waves[0] = scene.initial.density
-    jump = (step.ratio - 1) * _outer_density(scene)
-    waves[1:] = jump * (np.exp(-1j * k * step.start) - np.exp(-1j * k * step.end)) / (1j * k)
+    if step is not None:
+        jump = (step.ratio - 1) * _outer_density(scene)
+        waves[1:] = jump * (np.exp(-1j * k * step.start) - np.exp(-1j * k * step.end)) / (1j * k)
+    elif pulse is not None:
+        area = scene.initial.density * (1 - 1 / pulse.whole)
+        waves[1:] = area * np.exp(-((k * pulse.width) ** 2) / 2 - 1j * k * pulse.at)
     return np.fft.irfft(waves * n, n=n)
+
+
+def _gaussians(pulse: Pulse, place: Array) -> Array:
+    """Σ exp(-(place - at - m)²/(2 width²)), place over the pipe's length."""
+    nearest = place - pulse.at - np.round(place - pulse.at)
+    return np.asarray(sum(np.exp(-(((nearest - m) / pulse.width) ** 2) / 2) for m in _neighbours(pulse)))
+
+
+def _neighbours(pulse: Pulse) -> range:
+    """The periods from which a Gaussian still reaches this one: nine of its widths, exp(-40)."""
+    reach = math.ceil(9 * pulse.width) + 1
+    return range(-reach, reach + 1)
 
 
 def _outer_density(scene: Scene) -> float:
@@ -84,6 +115,15 @@ def density_integral(scene: Scene, y: ArrayLike) -> Array:
         inside = np.clip(place - start.step.start, 0.0, start.step.end - start.step.start)
         outer = _outer_density(scene)
         return length * (start.density * periods + outer * (place + (start.step.ratio - 1) * inside))
+    if start.pulse is not None:
+        from scipy.special import erf
+
+        pulse, periods = start.pulse, np.floor(y / length)
+        place = y / length - periods
+        root = math.sqrt(2) * pulse.width
+        swept = sum(erf((place - pulse.at + m) / root) - math.erf((m - pulse.at) / root) for m in _neighbours(pulse))
+        area = pulse.height * pulse.width * math.sqrt(math.pi / 2) * swept
+        return np.asarray(start.density * length * (periods + (place + area) / pulse.whole))
     total = y.copy()
     for m in start.density_modes:
         k = 2 * np.pi * m.mode / length

@@ -19,16 +19,21 @@ def maxwellian(density: Array, mean_velocity: Array, temperature: Array, v: Arra
     return density[:, None] * np.exp(-(w**2) / (2 * theta)) / np.sqrt(2 * np.pi * theta)
 
 
+def distribution(scene: Scene, x: Array, v: Array, density: Array | None = None) -> Array:
+    """f at time 0 at any places and velocities, shape (nx, nv): Maxwellians, of the scene's density or the one given, or
+    eigenmodes."""
+    if scene.initial.eigenmodes:
+        return eigenmode_state(scene, x, v, fields.start_state(scene)[0])
+    rho = fields.density(scene, x) if density is None else density
+    parts = [
+        maxwellian(rho if share == 1 else share * rho, fields.mean_velocity(scene, x, u), fields.temperature(scene, x, theta), v)
+        for share, u, theta in fields.beams(scene)
+    ]
+    return np.asarray(sum(parts[1:], parts[0]))
+
+
 def initial_state(scene: Scene, grid: PhaseSpaceGrid, density: Array | None = None) -> Array:
-    """f at time 0, shape (nx, nv): Maxwellian, of the scene's density or the one given, or what the scene starts from instead."""
+    """f at time 0, shape (nx, nv), of what the scene starts from, a file included."""
     if scene.initial.file is not None:
         return from_file(scene, grid.x, grid.v)
-    u0, theta0 = fields.start_state(scene)
-    if scene.initial.eigenmodes:
-        return eigenmode_state(scene, grid.x, grid.v, u0)
-    return maxwellian(
-        fields.density(scene, grid.x) if density is None else density,
-        fields.mean_velocity(scene, grid.x, u0),
-        fields.temperature(scene, grid.x, theta0),
-        grid.v,
-    )
+    return distribution(scene, grid.x, grid.v, density)

@@ -10,6 +10,7 @@ import numpy as np
 
 from kinetic_solver.dataset import VARIABLES, NetCDFRecorder, Variables, law_attribute
 from kinetic_solver.grid import PhaseSpaceGrid
+from kinetic_solver.initial import Given
 from kinetic_solver.laws import CollisionLaw
 from kinetic_solver.methods.progress import Progress
 from kinetic_solver.scene import Scene, Schedule
@@ -30,6 +31,8 @@ class Job:
     progress: Progress | None = None
     operator: CollisionLaw | None = None
     """A collision law beside the scene."""
+    initial: Given | None = None
+    """A start of one's own, instead of [initial]."""
 
     def recorder(
         self,
@@ -39,13 +42,13 @@ class Job:
         scene: Scene | None = None,
         more: Mapping[str, np.ndarray] | None = None,
         after: float | None = None,
+        notes: Mapping[str, str] | None = None,
     ) -> NetCDFRecorder:
         """Of this job's file. `scene` is that of the job, unless the method has completed it; else as for `NetCDFRecorder`."""
         overwrite = self.overwrite or self.resume
         written = self.scene if scene is None else scene
-        return NetCDFRecorder(
-            self.path, grid, written, schedule, self.method, overwrite, variables, more, after, law_attribute(self.operator)
-        )
+        said = {**law_attribute(self.operator), **(notes or {})}
+        return NetCDFRecorder(self.path, grid, written, schedule, self.method, overwrite, variables, more, after, said)
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ from time import monotonic
 
 from kinetic_solver.dataset import recording
 from kinetic_solver.errors import RunUnfinished
+from kinetic_solver.initial import notes_of
 from kinetic_solver.methods.job import Job
 from particles.checkpoint import Checkpoint, finished
 from particles.plan import ParticlePlan, make_plan
@@ -22,7 +23,7 @@ OUTSIDE = 1e-3
 def run(job: Job) -> list[str]:
     """Raises RunUnfinished at the first frame after `job.max_walltime`, its state written beside the file."""
     began = monotonic()
-    plan = make_plan(job.scene, job.operator)
+    plan = make_plan(job.scene, job.operator, job.initial)
     scene, said, walltime = plan.scene, report(plan), job.max_walltime
     if job.resume and finished(job.path, scene):
         return ["it has finished already"]
@@ -30,7 +31,7 @@ def run(job: Job) -> list[str]:
     state = checkpoint.load() if job.resume and job.path.exists() else None
     after = None if state is None else float(state["time"])
     table, more = variables(scene, plan.grid), coordinates(scene, plan.grid)
-    recorder = job.recorder(plan.grid, plan.schedule, table, scene, more, after)
+    recorder = job.recorder(plan.grid, plan.schedule, table, scene, more, after, notes_of(plan.start))
     if state is None:
         checkpoint.remove()
     if "warning" in said:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from kinetic_solver.dataset import recording, refuse_existing
 from kinetic_solver.errors import SceneError
+from kinetic_solver.initial import Given, notes_of, recorded
 from kinetic_solver.laws import CollisionLaw
 from kinetic_solver.methods.job import Job, Written
 from kinetic_solver.methods.progress import Progress, telling
@@ -20,6 +21,8 @@ class Method:
 
     run: Callable[[Job], list[str]]
     """Writes the file and returns `Written.lines`."""
+    starts: bool = True
+    """Whether it can start from an f(x, v) of the user's own."""
     resumes: bool = False
     """Whether it keeps checkpoints: `resume` and `max_walltime` are for those alone."""
 
@@ -33,6 +36,7 @@ def run_to_file(
     max_walltime: float | None = None,
     progress: bool | Progress = False,
     operator: CollisionLaw | None = None,
+    initial: Given | None = None,
 ) -> Written:
     """Run the scene by a method (a key of `METHODS`) into a netCDF file of the common schema (docs/output.md).
 
@@ -40,8 +44,9 @@ def run_to_file(
     the frames so far, with the reason as the attribute `stopped`; a scene that is refused leaves no file. `resume` goes on from
     the checkpoint beside the file: without one the run starts afresh, and a finished one is left as it is. After `max_walltime`
     seconds a run stops at its next frame with a checkpoint. `progress` is True for a bar (on a terminal) or a line every ten
-    seconds, on stderr, or a callable of the time and the end time. `operator` is a
-    collision law of one's own (docs/extending.md); the file names it, and a run is resumed with the same one only.
+    seconds, on stderr, or a callable of the time and the end time. `operator` is a collision law of one's own
+    (docs/extending.md); the file names it, and a run is resumed with the same one only. `initial` is a start of one's own,
+    f(x, v) as a callable or a DataArray, instead of [initial] (docs/starts.md); to resume takes the same one.
 
     Raises SceneError where the scene or an argument is wrong, OutputExistsError where the file exists and neither `overwrite` nor
     `resume` is said, SolverStopped where a run cannot go on, RunUnfinished where `max_walltime` is over.
@@ -49,8 +54,12 @@ def run_to_file(
     """
     path = Path(path)
     _check(scene, path, method, overwrite, resume, max_walltime)
+    if initial is not None and not METHODS[method].starts:
+        able = ", ".join(repr(name) for name, known in METHODS.items() if known.starts)
+        raise SceneError(f"initial: method {method!r} starts from what [initial] says; allowed: an f(x, v) with method {able}")
     with telling(progress) as told:
-        lines = METHODS[method].run(Job(scene, path, method, overwrite, resume, max_walltime, told, operator))
+        job = Job(scene, path, method, overwrite, resume, max_walltime, told, operator, initial)
+        lines = METHODS[method].run(job)
     return Written(path, tuple(lines))
 
 
@@ -74,8 +83,8 @@ def _grid(job: Job) -> list[str]:
     from kinetic_solver.plan import make_plan
     from kinetic_solver.solver import integrate
 
-    plan = make_plan(job.scene, job.operator)
-    recorder = job.recorder(plan.output, plan.schedule)
+    plan = make_plan(job.scene, job.operator, job.initial)
+    recorder = job.recorder(plan.output, plan.schedule, scene=recorded(job.scene, plan.start), notes=notes_of(plan.start))
     with recording(recorder):
         report = integrate(plan, recorder, job.progress)
     recorder.close(report=report.attributes())
@@ -120,7 +129,7 @@ def _particles(job: Job) -> list[str]:
 
 METHODS = {
     "grid": Method(_grid),
-    "exact": Method(_exact),
-    "hydrodynamics": Method(_hydrodynamics),
+    "exact": Method(_exact, starts=False),
+    "hydrodynamics": Method(_hydrodynamics, starts=False),
     "particles": Method(_particles, resumes=True),
 }

@@ -40,7 +40,7 @@ def check_given(scales: Scales) -> None:
     """Refuses what no tolerance could excuse."""
     scene = scales.scene
     if scene.initial.eigenmodes:
-        initial.check_eigenmodes(scene, scales.start_velocity, scales.start_temperature)
+        initial.check_eigenmodes(scene, scales.start.mean_velocity, scales.start.temperature)
     if scene.grid.velocity_window is not None:
         (low, high), (slowest, fastest) = scene.grid.velocity_window, scales.means
         if not (low < slowest and fastest < high):
@@ -48,7 +48,7 @@ def check_given(scales: Scales) -> None:
                 f"grid.velocity_window = [{low:g}, {high:g}]: does not hold the mean velocities from {slowest:.4g} to "
                 f"{fastest:.4g} that the flow takes; allowed: a window some standard deviations wider than these"
             )
-    if scene.grid.nx is not None and not scene.homogeneous and scene.initial.file is None:
+    if scene.grid.nx is not None and not scales.start.homogeneous and scene.initial.file is None:
         least = in_x.least_points(scales)
         if scene.grid.nx < least:
             raise SceneError(f"grid.nx = {scene.grid.nx}: cannot hold the initial state; allowed: {least} or more")
@@ -61,7 +61,7 @@ def reference_frame(scales: Scales, clocked: Callable[[ReferenceFrame], Scales])
     rest = ReferenceFrame(scene.model)
     if given.nv or given.velocity_window or given.velocity == "hermite" or scene.initial.file or scene.output.moment_equations:
         return rest, scales
-    moving = ReferenceFrame(scene.model, moving=True, start=scales.start_velocity)
+    moving = ReferenceFrame(scene.model, moving=True, start=scales.start.mean_velocity)
     if moving.noiseless:
         return (moving, clocked(moving)) if scales.shifted else (rest, scales)
     there = clocked(moving)
@@ -104,7 +104,7 @@ def hermite_may_pay(scales: Scales) -> bool:
     scene, sigma, given, law = scales.scene, scales.scene.model.noise, scales.scene.grid, scales.law
     if law is None or law.linearises or not has_hermite(law):
         return False
-    if scene.model.friction * sigma == 0 or scene.initial.file is not None:
+    if scene.model.friction * sigma == 0 or not scales.start.closed_form:
         return False
     if any((given.nv, given.velocity_window, given.velocity, given.stepping, given.drift_diffusion, given.deposit)):
         return False

@@ -24,6 +24,8 @@ ROOM = 20
 MORE_WITH_COLLISIONS = (1.3, 4.0, 0.5)
 """(a, b, c): a times as many as free motion needs, b more, and c R_t² for what (6) amplifies. Chosen; the run looks at the last
 coefficients and takes more where they count (solver/monitor.py)."""
+GIVEN_PLACES = 128
+"""Along x, at which the functions in an f(x, v) that was given are counted. Chosen."""
 SPARE = 8
 """More, watched by the run: the last of them say whether there are enough."""
 ROUNDING = 1e-8
@@ -61,6 +63,12 @@ def basis_of(scene: Scene, functions: int) -> HermiteBasis:
     return HermiteBasis(state.mean_velocity, scene.model.noise, functions)
 
 
+def sum_of_gaussians(basis: HermiteBasis, gaussians: initial.Gaussians, density: Array) -> Array:
+    """Coefficients (nx, functions) of Gaussians in closed form, of this density together."""
+    parts = [basis.maxwellian(density if share == 1 else share * density, u, theta) for share, u, theta in gaussians]
+    return np.asarray(sum(parts[1:], parts[0]))
+
+
 def points_for_coefficients(scene: Scene, basis: HermiteBasis, mean_velocity: float, temperature: float) -> Array:
     """Velocities from which to take the Hermite coefficients of a state about the homogeneous one.
 
@@ -78,11 +86,17 @@ def points_for_coefficients(scene: Scene, basis: HermiteBasis, mean_velocity: fl
 
 def _of_the_start(scales: Scales) -> int:
     """The highest function that counts in the start."""
-    scene, u0, theta0 = scales.scene, scales.start_velocity, scales.start_temperature
+    scene, start = scales.scene, scales.start
     basis = basis_of(scene, MOST_FUNCTIONS)
-    spread = np.abs(basis.maxwellian(np.ones(POINTS), scales.mean_velocity, scales.temperature)).max(axis=0)
+    if start.gaussian or scene.initial.eigenmodes or scene.initial.file is not None:
+        spread = np.abs(sum_of_gaussians(basis, start.gaussians(scales.x), np.ones(POINTS))).max(axis=0)
+    else:
+        v = points_for_coefficients(scene, basis, start.mean_velocity, start.temperature)
+        spread = np.abs(basis.coefficients(start.outline(scales.x[:: POINTS // GIVEN_PLACES], v), v)).max(axis=0)
+        spread = spread / scales.density.mean()
     if scene.initial.eigenmodes:
-        v = points_for_coefficients(scene, basis, u0, theta0)
+        u0 = start.mean_velocity
+        v = points_for_coefficients(scene, basis, u0, start.temperature)
         background = initial.eigenmode_background(scene, v, u0)
         shapes = np.array([background, *(shape for _, shape in initial.eigenmode_shapes(scene, v, u0))])
         coefficients = np.abs(basis.coefficients(shapes.real, v) + 1j * basis.coefficients(shapes.imag, v)).max(axis=0)

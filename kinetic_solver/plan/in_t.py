@@ -126,7 +126,7 @@ def error_share(scales: Scales) -> float:
 def mixing_times(scales: Scales, waves: Waves) -> Array:
     """Ends of the intervals on which the budgets of an exact step are integrated while the start's waves mix: a few per mean free
     flight across the shortest."""
-    if scales.scene.homogeneous:
+    if scales.start.homogeneous:
         return np.empty(0)
     reach, most, per_mode = MIXING
     k, thermal = 2 * math.pi / scales.scene.pipe.length, math.sqrt(scales.theta_min)

@@ -56,7 +56,7 @@ def window(scales: Scales) -> Window:
     reason = f"{scales.tail:.1f} standard deviations about the means from {low:.3g} to {high:.3g}"
     slower = 0.0
     if scales.amplifies:
-        slower = 2 * scales.amplification * thermal
+        slower = 2 * scales.slowing
         reason += ", and the amplified slow tail of (6)"
     return Window(low - reach - slower, high + reach, reason)
 
@@ -191,7 +191,7 @@ def _deposit(scales: Scales, deposit: Deposit) -> Criterion:
 def _eigenmodes(scales: Scales) -> float:
     """The dv that resolves the eigenmodes' shapes in v, which they keep: their spectra down to rtol/10 of ρ̄, and, for the
     monitor, the bends that they give to f."""
-    scene, u0, theta0 = scales.scene, scales.start_velocity, scales.start_temperature
+    scene, u0, theta0 = scales.scene, scales.start.mean_velocity, scales.start.temperature
     v = u0 + EIGENMODE_REACH * math.sqrt(theta0) * np.linspace(-1, 1, EIGENMODE_POINTS, endpoint=False)
     dv = float(v[1] - v[0])
     q = 2 * np.pi * np.fft.fftfreq(v.size, dv)

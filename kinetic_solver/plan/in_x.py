@@ -28,7 +28,7 @@ THIN = 0.02
 def points(scales: Scales, waves: Waves) -> Criterion:
     """nx. Raises SceneError where more than MOST_MODES modes would be needed."""
     scene = scales.scene
-    if scene.homogeneous:
+    if scales.start.homogeneous:
         return Criterion(1, "nothing depends on x")
     n = waves.highest_mode
     reason = f"{n} modes of the initial state"

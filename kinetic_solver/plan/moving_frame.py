@@ -84,6 +84,8 @@ class ReferenceFrame:
         u0, theta0 = start_state(scene)
         model = Model() if self.noiseless else scene.model
         model = model.model_copy(update={"gravity": 0.0, **({"friction": 0.0, "noise": 0.0} if self.noiseless else {})})
-        initial = scene.initial.model_copy(update={"mean_velocity": u0 - self.start, "temperature": theta0})
+        beams = tuple(b.model_copy(update={"mean_velocity": b.mean_velocity - self.start}) for b in scene.initial.beams)
+        seen = {"beams": beams} if beams else {"mean_velocity": u0 - self.start, "temperature": theta0}
+        initial = scene.initial.model_copy(update=seen)
         end = self.clock(scene.run.end_time)
         return scene.model_copy(update={"model": model, "initial": initial, "run": Run(end_time=end)})

@@ -53,6 +53,8 @@ class Plan:
 
     scene: Scene
     """As it was given, in the laboratory."""
+    start: initial.Start
+    """Likewise; that in the frame of reference is `scales.start`."""
     schedule: Schedule
     """When anything is written, by the laboratory's clock."""
     reference_frame: ReferenceFrame
@@ -123,18 +125,23 @@ class Plan:
         return replace(self, scales=scales, waves=Waves(scales))
 
 
-def make_plan(scene: Scene, law: CollisionLaw | None = None) -> Plan:
-    """Choose what the scene leaves open. `law` stands in for [collisions], which the scene must not have then.
+def make_plan(scene: Scene, law: CollisionLaw | None = None, given: initial.Given | None = None) -> Plan:
+    """Choose what the scene leaves open. `law` stands in for [collisions], and `given`, an f(x, v), for [initial]: the scene must
+    not have these then.
 
-    Raises SceneError where no grid in this machine's memory can do it, or the law is not what it says.
+    Raises SceneError where no grid in this machine's memory can do it, where the law is not what it says, and where that f cannot
+    be started from.
     """
     if law is not None and scene.collisions is not None:
         raise SceneError(f"collisions: the scene has a table, and operator = {law.label} is given; allowed: one of them")
     reasons: dict[str, str] = {}
+    start = None
+    if given is not None:
+        scene, start = initial.take(scene, given)
     if scene.initial.file is not None:
         scene, reasons = _on_the_files_grid(scene)
     try:
-        return _make_plan(scene, reasons, law)
+        return _make_plan(scene, reasons, law, start)
     except (OverflowError, ZeroDivisionError) as error:
         groups = scene.groups
         raise SceneError(
@@ -143,16 +150,17 @@ def make_plan(scene: Scene, law: CollisionLaw | None = None) -> Plan:
         ) from None
 
 
-def _make_plan(scene: Scene, known: Mapping[str, str], law: CollisionLaw | None) -> Plan:
+def _make_plan(scene: Scene, known: Mapping[str, str], law: CollisionLaw | None, start: initial.GivenStart | None) -> Plan:
     schedule = Schedule.of(scene, VARIABLES)
-    here = scales_of(scene, schedule.times, law=law)
+    here = scales_of(scene, schedule.times, law=law, start=start)
     choices.check_given(here)
     if law is not None:
         _check(law, here)
 
     def clocked(frame: ReferenceFrame) -> Scales:
         times = np.array([frame.clock(float(time)) for time in schedule.times])
-        return scales_of(frame.scene(scene), times, scene.model.friction, law)
+        seen = None if start is None else start.seen_from(frame.start)
+        return scales_of(frame.scene(scene), times, scene.model.friction, law, seen)
 
     frame, scales = choices.reference_frame(here, clocked)
     waves, inner = Waves(scales), scales.scene
@@ -179,6 +187,7 @@ def _make_plan(scene: Scene, known: Mapping[str, str], law: CollisionLaw | None)
         choices.warn_of_an_unresolved_kernel(scales, grid, time_step, drift_diffusion)
     plan = Plan(
         scene,
+        here.start,
         schedule,
         frame,
         scales,
@@ -205,9 +214,8 @@ def _check(law: CollisionLaw, scales: Scales) -> None:
     low, high = float(scales.mean_velocity.min()) - reach, float(scales.mean_velocity.max()) + reach
     v = low + (high - low) / CHECKED_VELOCITIES * (np.arange(CHECKED_VELOCITIES) + 0.5)
     places = [0, scales.density.size // 3]
-    fields = (scales.density[places], scales.mean_velocity[places], scales.temperature[places])
-    f = initial.maxwellian(*fields, v)
-    displaced = initial.maxwellian(fields[0], fields[1] + np.sqrt(fields[2]), fields[2] / 2, v)
+    f, u, theta = scales.start.outline(scales.x[places], v), scales.mean_velocity[0, places], scales.temperature[0, places]
+    displaced = initial.maxwellian(scales.density[places], u + np.sqrt(theta), theta / 2, v)
     check_law(law, np.concatenate([f, (f + displaced) / 2]), v, scales.rtol)
 
 

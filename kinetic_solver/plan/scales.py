@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kinetic_solver import initial
 from kinetic_solver.arrays import Array
+from kinetic_solver.initial import SceneStart, Start
 from kinetic_solver.laws import CollisionLaw, Inelastic
 from kinetic_solver.scene import Scene
 from kinetic_solver.stability.homogeneous import HomogeneousState, homogeneous_state
@@ -39,14 +39,17 @@ class Scales:
     """When anything is written, by the frame's clock; the first is 0."""
     lab_friction: float
     """γ in the laboratory, which a noiseless frame takes out of `scene`."""
-    start_velocity: float
-    """u0, without its modes."""
-    start_temperature: float
-    """θ0, without its modes."""
+    start: Start
     density: Array
-    """At `POINTS` places over the pipe, like the next two: the start."""
+    """At `POINTS` places over the pipe: the start."""
     mean_velocity: Array
+    """Likewise, of each of the Gaussians that the start is made of, or bounded by: (Gaussians, POINTS)."""
     temperature: Array
+    """Of each Gaussian, likewise."""
+    spread: float
+    """The hottest place at the start, of all Gaussians together."""
+    narrowest: float
+    """The variance of a Gaussian as fine in v as the start is anywhere."""
     whole: Transition
     """Of friction and noise over the whole run."""
     theta_end: float
@@ -81,6 +84,11 @@ class Scales:
         return max(float(self.temperature.max()), self.theta_end)
 
     @property
+    def hottest(self) -> float:
+        """The largest variance of v at any place and time: bounds rates."""
+        return max(self.theta_max, self.spread)
+
+    @property
     def means(self) -> tuple[float, float]:
         """The least and the largest mean velocity, at the start and at the end as gravity and friction alone would have it."""
         start = [float(self.mean_velocity.min()), float(self.mean_velocity.max())]
@@ -90,12 +98,10 @@ class Scales:
     @property
     def collision_rate(self) -> float:
         """ν = Sρ√θ at the largest density and temperature (of other laws: their own `frequency`)."""
-        return 0.0 if self.law is None else self._frequency
+        return self._frequency(self.hottest)
 
-    @functools.cached_property
-    def _frequency(self) -> float:
-        assert self.law is not None
-        return self.law.frequency(self.rho_max, self.theta_max)
+    def _frequency(self, theta: float) -> float:
+        return 0.0 if self.law is None else self.law.frequency(self.rho_max, theta)
 
     @property
     def amplifies(self) -> bool:
@@ -106,6 +112,11 @@ class Scales:
     def amplification(self) -> float:
         """R_t: under (6) a slow disturbance w√θ from the mean grows by up to exp(R_t w) until the end (docs/theory.md)."""
         return self.collision_rate * self.whole.drift_time
+
+    @property
+    def slowing(self) -> float:
+        """R_t√θ, by which (6) moves the hottest Gaussian of the start, at the most."""
+        return self._frequency(self.theta_max) * self.whole.drift_time * math.sqrt(self.theta_max)
 
     @property
     def noise_hardly_acts(self) -> bool:
@@ -124,15 +135,22 @@ class Scales:
         return self.amplifies and self.shifted
 
 
-def scales_of(scene: Scene, times: Array, lab_friction: float | None = None, law: CollisionLaw | None = None) -> Scales:
-    """The scales of a scene that is written at these times of its own clock. `law` stands in for the scene's own."""
+def scales_of(
+    scene: Scene,
+    times: Array,
+    lab_friction: float | None = None,
+    law: CollisionLaw | None = None,
+    start: Start | None = None,
+) -> Scales:
+    """The scales of a scene that is written at these times of its own clock. `law` and `start` stand in for the scene's own."""
     law = scene.law if law is None else law
+    start = SceneStart(scene) if start is None else start
     x = scene.pipe.length * np.arange(POINTS) / POINTS
-    u0, theta0 = initial.start_state(scene)
-    density, temperature = initial.density(scene, x), initial.temperature(scene, x, theta0)
+    density, gaussians = start.density(x), start.gaussians(x)
+    temperature = np.array([theta for _, _, theta in gaussians])
     whole = transition(scene.model, scene.run.end_time)
     theta_end = float(temperature.max()) * whole.decay**2 + whole.velocity_variance
-    coldest = float(temperature.min())
+    coldest = start.narrowest(x)
     theta_min = min(coldest, coldest * whole.decay**2 + whole.velocity_variance)
     theta_end, theta_min = _cooled(law, scene, whole, density, coldest, theta_end, theta_min)
     return Scales(
@@ -140,11 +158,12 @@ def scales_of(scene: Scene, times: Array, lab_friction: float | None = None, law
         law,
         times,
         scene.model.friction if lab_friction is None else lab_friction,
-        u0,
-        theta0,
+        start,
         density,
-        initial.mean_velocity(scene, x, u0),
+        np.array([mean for _, mean, _ in gaussians]),
         temperature,
+        start.hottest(x),
+        coldest,
         whole,
         theta_end,
         theta_min,

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kinetic_solver import initial
 from kinetic_solver.arrays import Array
 from kinetic_solver.errors import SceneError
 from kinetic_solver.operators.fourier import relative_amplitudes
@@ -24,8 +23,9 @@ DROPPED = 10.0
 """Waves of a relative amplitude below rtol over this are left out. Chosen: ten such waves in step make rtol."""
 MOST_MODES = 20_000
 """Of a density step: more are asked for by mistake, not by need."""
-VELOCITIES = 33
-"""At which a spectrum along x is taken, spread over the start's velocities: its largest amplitude varies little between them."""
+VELOCITIES, MOST_VELOCITIES = 33, 513
+"""At which a spectrum along x is taken, spread over the start's velocities: its largest amplitude varies little between them.
+More, up to the second, where the start has parts narrower than their distance, so that none is missed."""
 NOISELESS_MIXING = 1.1
 """Margin for the shortest wave in v where no noise smooths what is beyond it. Chosen."""
 GAUGE_ROUND_OFF = 0.05
@@ -59,7 +59,7 @@ class Waves:
         scene, rtol = scales.scene, scales.rtol
         if scene.initial.step is not None:
             amplitude = amplitude[: self.step_modes + 1]
-        if scales.amplifies and not scene.homogeneous:
+        if scales.amplifies and not scales.start.homogeneous:
             amplitude = np.maximum(amplitude, self.lifted_amplitudes[: amplitude.size])
         n = np.flatnonzero(amplitude > rtol / DROPPED)
         digits = np.log(DROPPED * amplitude[n] / rtol)
@@ -72,7 +72,7 @@ class Waves:
     def highest_mode(self) -> int:
         """The highest mode of the start that counts; 0 where nothing depends on x."""
         scene = self.scales.scene
-        if scene.homogeneous:
+        if self.scales.start.homogeneous:
             return 0
         if scene.initial.step is not None:
             return self.step_modes
@@ -98,7 +98,7 @@ class Waves:
                 f"(products with a jump converge slowly in x); allowed: {LEAST_RTOL_OF_A_STEP:g} or more, smooth modes, or "
                 "a given grid.nx"
             )
-        theta, first = float(scales.temperature.min()), transition(scene.model, float(scales.times[1]))
+        theta, first = scales.narrowest, transition(scene.model, float(scales.times[1]))
         # The variance of displacement that is left once the velocity is known: what damps a wave at fixed v.
         variance = theta * first.decay**2 + first.velocity_variance
         covariance = theta * first.drift_time * first.decay + first.covariance
@@ -119,14 +119,14 @@ class Waves:
         """The largest v-wavenumber into which free motion turns the start's waves before noise damps them."""
         scales = self.scales
         noisy = scales.scene.model.friction * scales.scene.model.noise > 0
-        found = mixing(scales.scene.model, *self.in_play, float(scales.temperature.min()), scales.end)
+        found = mixing(scales.scene.model, *self.in_play, scales.narrowest, scales.end)
         return found * (1.0 if noisy else NOISELESS_MIXING)
 
     @property
     def gauge_range(self) -> float:
         """S·(max - min) over x of the periodic part of the start's Φ = ∫ρ dx."""
         scene = self.scales.scene
-        if scene.homogeneous or not self.scales.amplifies:
+        if self.scales.start.homogeneous or not self.scales.amplifies:
             return 0.0
         return scene.cross_section * float(np.ptp(self._potential))
 
@@ -138,19 +138,16 @@ class Waves:
     @functools.cached_property
     def _potential(self) -> Array:
         scene, x = self.scales.scene, self.scales.x
-        return initial.density_integral(scene, x) - scene.initial.density * x
+        return self.scales.start.density_integral(x) - scene.initial.density * x
 
     def _spectrum(self, weight: Array) -> Array:
         """Relative amplitudes along x of weight(x)·f."""
         s = self.scales
         reach = s.tail * math.sqrt(float(s.temperature.max()))
-        v = np.linspace(float(s.mean_velocity.min()) - reach, float(s.mean_velocity.max()) + reach, VELOCITIES)
-        if s.scene.initial.eigenmodes:
-            f = weight[:, None] * initial.eigenmode_state(s.scene, s.x, v, s.start_velocity)
-        else:
-            f = (weight * s.density)[:, None] / np.sqrt(s.temperature[:, None])
-            f = f * np.exp(-((v - s.mean_velocity[:, None]) ** 2) / (2 * s.temperature[:, None]))
-        return relative_amplitudes(f)
+        low, high = float(s.mean_velocity.min()) - reach, float(s.mean_velocity.max()) + reach
+        count = min(MOST_VELOCITIES, max(VELOCITIES, math.ceil((high - low) / math.sqrt(s.narrowest))))
+        v = np.linspace(low, high, count)
+        return relative_amplitudes(weight[:, None] * s.start.outline(s.x, v))
 
 
 def mixing(model: Model, k: Array, digits: Array, theta: float, left: float) -> float:

@@ -5,6 +5,7 @@ same keys in Python (`Scene.model_validate`). Units are the user's own; they mus
 particles). Symbols and conventions: docs/theory.md; equation numbers are those of the paper cited there.
 """
 
+from kinetic_solver.scene.initial import Beam, Initial, Mode, Modes, Pulse, fourier_sum
 from kinetic_solver.scene.scene import Groups, Scene
 from kinetic_solver.scene.schedule import Schedule
 from kinetic_solver.scene.tables import (
@@ -14,14 +15,11 @@ from kinetic_solver.scene.tables import (
     Deposit,
     DriftDiffusionScheme,
     Grid,
-    Mode,
     Model,
-    Modes,
     Output,
     Run,
     SteppingScheme,
     VelocityScheme,
-    fourier_sum,
     shorten,
 )
 from kinetic_solver.scene.toml import one_line, parse_override
@@ -30,14 +28,17 @@ __all__ = [
     "FOLLOW_LEADER",
     "INELASTIC",
     "Accuracy",
+    "Beam",
     "Deposit",
     "DriftDiffusionScheme",
     "Grid",
     "Groups",
+    "Initial",
     "Mode",
     "Model",
     "Modes",
     "Output",
+    "Pulse",
     "Run",
     "Scene",
     "Schedule",

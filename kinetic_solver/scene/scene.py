@@ -13,6 +13,7 @@ from kinetic_solver.arrays import Array
 from kinetic_solver.laws import PairLaw, law_of
 from kinetic_solver.scene import toml
 from kinetic_solver.scene.cadence import multiples
+from kinetic_solver.scene.initial import Initial
 from kinetic_solver.scene.tables import (
     INELASTIC,
     MOST_FRAMES,
@@ -20,7 +21,6 @@ from kinetic_solver.scene.tables import (
     Collisions,
     Grid,
     Hydrodynamics,
-    Initial,
     Model,
     Operator,
     Output,
@@ -111,7 +111,8 @@ class Scene(Table):
         i = self.initial
         varied = (*i.density_modes, *i.velocity_modes, *i.temperature_modes)
         stepped = i.step is not None and i.step.ratio != 1
-        return i.file is None and not stepped and not any(m.cos or m.sin for m in varied)
+        pulsed = i.pulse is not None and i.pulse.height != 0
+        return i.file is None and not stepped and not pulsed and not any(m.cos or m.sin for m in varied)
 
     @property
     def groups(self) -> Groups:

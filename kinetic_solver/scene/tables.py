@@ -9,11 +9,7 @@ import difflib
 import warnings
 from typing import Annotated, Any, Literal
 
-import numpy as np
-from numpy.typing import ArrayLike
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
-
-from kinetic_solver.arrays import Array
 
 MOST_FRAMES = 1_000_000
 """Of any cadence: more are asked for by a slip of the pen."""
@@ -92,112 +88,6 @@ class Collisions(Table):
 class Pipe(Table):
     length: Positive
     """L, the period of the pipe [length]."""
-
-
-class Mode(Table):
-    """cos·cos(2π mode x/L) + sin·sin(2π mode x/L)."""
-
-    mode: ModeNumber
-    cos: Real = 0.0
-    sin: Real = 0.0
-
-
-class Eigenmode(Mode):
-    """A wave of the shape that a branch of the linearised equation has in v (docs/stability.md), of this relative density."""
-
-    branch: Annotated[int, Field(strict=True, ge=0, le=20)] = 0
-    """0 decays most slowly, 1 next, …"""
-
-
-class DensityStep(Table):
-    """A density step: `ratio` times the outer density between the fractions `from` and `to` of L; the mean stays the scene's."""
-
-    start: Fraction = Field(alias="from")
-    end: Fraction = Field(alias="to")
-    ratio: NonNegative
-
-    @model_validator(mode="after")
-    def _ordered(self) -> DensityStep:
-        if not self.start < self.end:
-            raise ValueError(f"step from = {self.start}, to = {self.end}: 'from' must be less than 'to'")
-        return self
-
-
-Modes = tuple[Mode, ...]
-
-
-def fourier_sum(modes: Modes, x: ArrayLike, length: float) -> Array:
-    """Σ cos·cos(2π mode x/L) + sin·sin(2π mode x/L), with the shape of `x`."""
-    x = np.asarray(x, dtype=float)
-    total = np.zeros(x.shape)
-    for m in modes:
-        phase = 2 * np.pi * m.mode * x / length
-        total += m.cos * np.cos(phase) + m.sin * np.sin(phase)
-    return total
-
-
-def _minimum(modes: Modes) -> float:
-    """The least value of the Fourier sum, on a grid fine enough (64 points a wavelength) to be within 0.2 % of its swing."""
-    if not modes:
-        return 0.0
-    n = 64 * max(m.mode for m in modes)
-    return float(fourier_sum(modes, np.arange(n) / n, 1.0).min())
-
-
-class Initial(Table):
-    """The state at time 0: a Maxwellian in v at every x, or f (or particles) from a netCDF file."""
-
-    density: Positive = 1.0
-    """Mean density ρ̄ [particles/length]."""
-    modes: Modes = ()
-    """Relative Fourier amplitudes of the density."""
-    step: DensityStep | None = None
-    """A step profile instead of `modes`."""
-    mean_velocity: Real | None = None
-    """u0; None means the homogeneous state's."""
-    temperature: Positive | None = None
-    """θ0, a velocity variance; None means the homogeneous state's."""
-    velocity_modes: Modes = ()
-    """Absolute Fourier amplitudes added to the mean velocity."""
-    temperature_modes: Modes = ()
-    """Relative Fourier amplitudes of the temperature."""
-    eigenmodes: tuple[Eigenmode, ...] = ()
-    """Eigenmodes on the homogeneous state, instead of all the above but `density`."""
-    file: str | None = None
-    """A netCDF file to start from, instead of all the above (density still sets the scene's groups)."""
-
-    @property
-    def density_modes(self) -> Modes:
-        """The relative Fourier amplitudes of the density, whatever it is that has them."""
-        return (*self.modes, *self.eigenmodes)
-
-    def _given(self, besides: set[str]) -> list[str]:
-        """The keys that say something, those of a scene written by a run included."""
-        return sorted(key for key in self.model_fields_set - besides if getattr(self, key) not in (None, ()))
-
-    @model_validator(mode="after")
-    def _physical(self) -> Initial:
-        if self.modes and self.step is not None:
-            raise ValueError("modes and step are both given; allowed: one of them")
-        if self.step is not None and self.step.ratio == 0 and self.step.end - self.step.start == 1:
-            raise ValueError("step from = 0, to = 1, ratio = 0 leaves no particles; allowed: ratio > 0, or a part of the pipe")
-        if self.eigenmodes:
-            clash = self._given({"eigenmodes", "density"})
-            if clash:
-                raise ValueError(f"eigenmodes are given together with {', '.join(clash)}; allowed: with density alone")
-        if (low := 1 + _minimum(self.density_modes)) < -1e-12:
-            which = "eigenmodes" if self.eigenmodes else "modes"
-            raise ValueError(f"{which} make the density negative (minimum {low:.4g} times the mean); reduce their amplitudes")
-        if (low := 1 + _minimum(self.temperature_modes)) <= 0:
-            raise ValueError(
-                f"temperature_modes make the temperature negative or zero (minimum {low:.4g} times the mean); "
-                "reduce their amplitudes"
-            )
-        if self.file is not None:
-            clash = self._given({"file", "density"})
-            if clash:
-                raise ValueError(f"file is given together with {', '.join(clash)}; a file replaces them")
-        return self
 
 
 class Run(Table):

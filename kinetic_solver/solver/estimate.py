@@ -75,8 +75,10 @@ def _of_x(seen: Observation, diagnostics: dict[str, float]) -> float:
     if seen.grid.nx == 1:
         return 0.0
     if seen.plan.law is None:
-        if seen.plan.inner.initial.step is None:
+        if seen.plan.scales.start.band_limited:
             return 0.0  # waves do not couple, and those of the start are all there
+        if seen.plan.inner.initial.step is None:
+            return float(seen.plan.waves.amplitudes[seen.grid.nx // 2 + 1 :].max(initial=0.0))
         return float(relative_amplitudes(seen.f)[-1])
     return max(diagnostics["spectral_tail"], diagnostics["density_defect"])
 

@@ -20,7 +20,6 @@ import numpy as np
 
 from kinetic_solver.dataset import Recorder
 from kinetic_solver.errors import LostAccuracy, SceneError, SolverStopped, StepTooSmall
-from kinetic_solver.initial import initial_state
 from kinetic_solver.plan import Plan, choices
 from kinetic_solver.solver import adaptation
 from kinetic_solver.solver.adaptation import Change, History, Stop
@@ -83,7 +82,7 @@ class March:
         plan = self.scheme.plan
         # The start is known on the output's grid. A step in the density is shown as it is, not as the solver can carry it.
         known = plan.grid != plan.output or plan.reference_frame.moving or plan.scene.initial.step is not None
-        self._write(0, initial_state(plan.scene, plan.output) if known else None)
+        self._write(0, plan.start.distribution(plan.output.x, plan.output.v) if known else None)
         for frame, (start, end) in enumerate(itertools.pairwise(plan.times.tolist()), 1):
             for then in self._stops(start, end):
                 while self.now.clock < then:

@@ -13,7 +13,6 @@ import numpy as np
 from kinetic_solver import initial
 from kinetic_solver.arrays import Array
 from kinetic_solver.grid import PhaseSpaceGrid
-from kinetic_solver.initial import initial_state, start_state
 from kinetic_solver.laws import FollowTheLeader
 from kinetic_solver.operators.collisions import (
     CollisionRate,
@@ -35,7 +34,7 @@ from kinetic_solver.operators.velocity import (
 )
 from kinetic_solver.operators.velocity.kernel import resolution
 from kinetic_solver.plan import Plan
-from kinetic_solver.plan.in_hermite import basis_of, points_for_coefficients
+from kinetic_solver.plan.in_hermite import basis_of, points_for_coefficients, sum_of_gaussians
 from kinetic_solver.solver.regrid import regrid, resize
 from kinetic_solver.stepping import BaseMethod, Substep, lawson, strang
 
@@ -86,8 +85,9 @@ class VelocityPoints:
 
     def start(self) -> Array:
         scene, grid = self.plan.inner, self.plan.grid
-        density = initial.resolved_density(scene, grid.x)
-        f = initial_state(scene, grid, density)
+        start = self.plan.scales.start
+        density = start.resolved_density(grid.x)
+        f = start.distribution(grid.x, grid.v, density)
         if scene.initial.file is not None:
             return f
         # The sum over any window is the density: so the mass is the same on whatever grid a run goes on.
@@ -144,15 +144,11 @@ class HermiteCoefficients:
         scene, grid = self.plan.inner, self.plan.grid
         if scene.initial.file is not None:
             return self.basis.coefficients(initial.from_file(scene, grid.x, grid.v), grid.v)
-        u0, theta0 = start_state(scene)
-        if scene.initial.eigenmodes:
-            v = points_for_coefficients(scene, self.basis, u0, theta0)
-            return self.basis.coefficients(initial.eigenmode_state(scene, grid.x, v, u0), v)
-        return self.basis.maxwellian(
-            initial.resolved_density(scene, grid.x),
-            initial.mean_velocity(scene, grid.x, u0),
-            initial.temperature(scene, grid.x, theta0),
-        )
+        start = self.plan.scales.start
+        if not start.gaussian:
+            v = points_for_coefficients(scene, self.basis, start.mean_velocity, start.temperature)
+            return self.basis.coefficients(start.distribution(grid.x, v), v)
+        return sum_of_gaussians(self.basis, start.gaussians(grid.x), start.resolved_density(grid.x))
 
     def points(self, state: Array) -> Array:
         return state @ self._values

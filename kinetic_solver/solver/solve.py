@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from kinetic_solver.dataset import MemoryRecorder, Recorder, law_attribute, recording
+from kinetic_solver.initial import Given, notes_of, recorded
 from kinetic_solver.laws import CollisionLaw
 from kinetic_solver.plan import Plan, make_plan
 from kinetic_solver.scene import Scene
@@ -16,18 +17,23 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
-def solve(scene: Scene, progress: Progress | None = None, operator: CollisionLaw | None = None) -> xr.Dataset:
+def solve(
+    scene: Scene, progress: Progress | None = None, operator: CollisionLaw | None = None, initial: Given | None = None
+) -> xr.Dataset:
     """Solve (2) for `scene` on the phase-space grid; return every frame as an xarray Dataset (docs/output.md).
 
     `operator` is a collision law of one's own (docs/extending.md) for a scene without [collisions]; the dataset's attribute `law`
     names it.
 
     Exact in time without collisions and with operator (6); with (12) of high order, under error control. Mass is conserved to
-    round-off. Raises SceneError where the scene cannot be run, and SolverStopped, with the frames so far as its `dataset`, where
-    a run cannot go on.
+    round-off. `initial` is a start of one's own instead of [initial]: f(x, v) as a callable or a DataArray (docs/starts.md).
+
+    Raises SceneError where the scene, or that start, cannot be run, and SolverStopped, with the frames so far as its `dataset`,
+    where a run cannot go on.
     """
-    plan = make_plan(scene, operator)
-    recorder = MemoryRecorder(plan.output, scene, plan.schedule, also=law_attribute(operator))
+    plan = make_plan(scene, operator, initial)
+    notes = {**law_attribute(operator), **notes_of(plan.start)}
+    recorder = MemoryRecorder(plan.output, recorded(scene, plan.start), plan.schedule, notes=notes)
     with recording(recorder):
         report = integrate(plan, recorder, progress)
     recorder.close(report=report.attributes())

@@ -30,8 +30,8 @@ def truncated_run(scene: Scene, moments: int = 3, nx: int = 64, rtol: float = 1e
 
     Derivatives in x by Fourier transform, time by a method of order 8 to `rtol` (DOP853; E. Hairer, S. P. Nørsett and G. Wanner
     1993). Mass is conserved to round-off. Above its critical density a run may blow up; it then ends at the last frame before.
-    Raises SceneError for operator (12), a start from a file, a step or an eigenmode, without friction and noise, and for
-    moments < 3 (M = 2 has no temperature). Test: tests/linear_theory/test_truncation.py.
+    Raises SceneError for operator (12), a start from a file, a step, a pulse, beams or an eigenmode, without friction and noise,
+    and for moments < 3 (M = 2 has no temperature). Test: tests/linear_theory/test_truncation.py.
     """
     import xarray as xr
     from scipy.integrate import solve_ivp
@@ -98,7 +98,13 @@ def _refuse(scene: Scene, moments: int) -> None:
         raise SceneError(f"moments = {moments}: allowed: 3 or more")
     if scene.law is not None and not scene.law.linearises:
         raise SceneError('collisions.operator = "inelastic": the truncated run is for "follow-the-leader" or no collisions')
-    for key, given in (("file", start.file), ("step", start.step), ("eigenmodes", start.eigenmodes)):
+    for key, given in (
+        ("file", start.file),
+        ("step", start.step),
+        ("pulse", start.pulse),
+        ("beams", start.beams),
+        ("eigenmodes", start.eigenmodes),
+    ):
         if given:
             raise SceneError(f"initial.{key}: a truncated run starts from a Maxwellian with modes; remove it")
 

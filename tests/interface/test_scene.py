@@ -31,6 +31,23 @@ BAD: list[tuple[dict[str, Any], str]] = [
     ({"collisions": {"operator": "elastic", "cross_section": 1.0}}, "'follow-the-leader' or 'inelastic'"),
     ({"collisions": {"operator": "inelastic", "cross_section": 1.0}}, "restitution is missing"),
     ({"initial": {"modes": [{"mode": 1, "cos": 1.5}]}}, "modes make the density negative"),
+    (
+        {"initial": {"pulse": {"at": 0.3, "width": 0.1, "height": 2.0}}},
+        "modes and pulse are both given; allowed: one of them",
+    ),
+    (
+        {"initial": {"modes": [], "pulse": {"at": 0.3, "width": 0.1, "height": -1.2}}},
+        "pulse height = -1.2 makes the density negative; allowed with width = 0.1: -1 or more",
+    ),
+    (
+        {"initial": {"beams": [{"share": 0.5, "mean_velocity": 0.0, "temperature": 0.2}]}},
+        "beams: the shares add up to 0.5; allowed: 1",
+    ),
+    (
+        {"initial": {"beams": [{"share": 1.0, "mean_velocity": 0.0, "temperature": 0.2}], "temperature": 0.3}},
+        "beams are given together with temperature; beams have these of their own",
+    ),
+    ({"initial": {"beams": [{"share": 1.0, "mean_velocity": 0.0}]}}, "initial.beams.0.temperature: is missing"),
     ({"pipe": {"length": 0.0}}, "pipe.length = 0.0: input should be greater than 0"),
     ({"grid": {"velocity_window": [3.0, -3.0]}}, "velocity_window = [3.0, -3.0] is reversed or empty"),
     ({"run": {"end_time": math.inf}}, "run.end_time = inf: input should be a finite number"),

@@ -69,6 +69,8 @@ def test_many_moments_become_the_kinetic_equation(make_scene: MakeScene) -> None
         ({"collisions": FOLLOW}, 2, "moments = 2: allowed: 3 or more"),
         ({"collisions": FOLLOW, "model": {"noise": 0.0}}, 3, r"model.noise = 0"),
         ({"collisions": FOLLOW, "initial": {"modes": [], "step": {"from": 0.2, "to": 0.5, "ratio": 2.0}}}, 3, "initial.step"),
+        ({"initial": {"modes": [], "pulse": {"at": 0.2, "width": 0.1, "height": 2.0}}}, 3, "initial.pulse"),
+        ({"initial": {"beams": [{"share": 1.0, "mean_velocity": 0.3, "temperature": 0.4}]}}, 3, "initial.beams"),
     ],
 )
 def test_refusals(make_scene: MakeScene, changes: dict[str, Any], moments: int, message: str) -> None:
