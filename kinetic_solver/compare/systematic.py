@@ -30,8 +30,8 @@ def systematic_parts(dataset: xr.Dataset, scene: Scene) -> dict[str, float]:
     method = dataset.attrs.get("method")
     if method == "exact":
         return {"closed form": EXACT}
-    if method == "particles" and "initial" in dataset.attrs:
-        return {}  # the scene does not say what they started from
+    if method == "particles" and "initial" in dataset.attrs and scene.operator is not None:
+        return {}  # the scene does not say what they started from, which cells and steps have to resolve
     if method == "particles":
         return _of_particles(scene)
     estimate = float(np.nanmax(dataset["error_estimate"])) if "error_estimate" in dataset else 0.0

@@ -8,7 +8,7 @@ import numpy as np
 
 from kinetic_solver.arrays import Array
 from kinetic_solver.errors import SceneError
-from kinetic_solver.initial.looking import DROPPED, Function, Table
+from kinetic_solver.initial.looking import Function, Table
 from kinetic_solver.initial.periodic import coefficients, interpolated, tail
 
 if TYPE_CHECKING:
@@ -77,27 +77,27 @@ def _uniform(given: xr.DataArray, dim: str, name: str, least: int) -> Array:
 
 
 def _check(f: Function, table: Table, name: str, length: float, rtol: float) -> None:
+    """To rtol, which is what the last frame of another run to the same rtol keeps."""
     nx, nv = table.f.shape
     top = float(table.f.max())
     if not top > 0:
         raise SceneError(f"initial = {name}: f is nowhere positive; allowed: some f > 0")
-    allowed = f"rtol/{DROPPED:g} = {rtol / DROPPED:g}"
     edge = float(np.abs(table.f[:, [0, -1]]).max()) / top
-    if edge > rtol / DROPPED:
+    if edge > rtol:
         raise SceneError(
             f"initial = {name}: f has not ended at the edges of v from {table.v[0]:.4g} to {table.v[-1]:.4g}, {edge:.2g} of its "
-            f"maximum is left; allowed: {allowed}; give more velocities, or raise accuracy.rtol"
+            f"maximum is left; allowed: accuracy.rtol = {rtol:g}; give more velocities, or raise it"
         )
     if (missing := tail(table.f, 1)) > rtol:
         raise SceneError(
             f"initial = {name}: {nv} velocities do not resolve f (its shortest waves carry {missing:.2g} of it); allowed: "
-            f"accuracy.rtol = {rtol:g}; give more points, or raise accuracy.rtol"
+            f"accuracy.rtol = {rtol:g}; give more points, or raise it"
         )
     between = f(length * np.arange(nx) / nx, np.linspace(table.v[0], table.v[-1], BETWEEN * nv))
     between_x = f(length * np.arange(BETWEEN * nx) / (BETWEEN * nx), table.v)
     least = min(float(table.f.min()), float(between.min()), float(between_x.min())) / top
-    if least < -rtol / DROPPED:
+    if least < -rtol:
         raise SceneError(
             f"initial = {name}: f is negative at its points, or between them, by {-least:.2g} of its maximum; allowed: "
-            f"{allowed}; give more points, or raise accuracy.rtol"
+            f"accuracy.rtol = {rtol:g}; give more points, or raise it"
         )
