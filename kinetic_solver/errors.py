@@ -32,7 +32,12 @@ class SolverStopped(KineticError, RuntimeError):
 
 
 class RunUnfinished(KineticError):
-    """The wall-clock time that a run was given is over. It left a checkpoint, from which it can be resumed."""
+    """A run was stopped from outside, or the wall-clock time that it was given is over: it can be resumed."""
+
+    def __init__(self, message: str, by: str | None = None) -> None:
+        super().__init__(message)
+        self.by = by
+        """Who stopped it, the name of a signal, say; None where its time was over."""
 
 
 class LostAccuracy(KineticError, RuntimeError):

@@ -1,7 +1,9 @@
 """The one schema of every method's dataset, what records it, and files of it: the only place that writes netCDF."""
 
+from kinetic_solver.dataset.checkpoint import Checkpoint, finished
 from kinetic_solver.dataset.files import append, open_netcdf, open_run, refuse_existing, scene_of, write_dataset
-from kinetic_solver.dataset.provenance import attributes
+from kinetic_solver.dataset.lock import one_writer
+from kinetic_solver.dataset.provenance import attributes, version
 from kinetic_solver.dataset.recorders import MemoryRecorder, NetCDFRecorder, Recorder, recording
 from kinetic_solver.dataset.schema import FINISHED, RUNNING, STOPPED, VARIABLES, Frame, Variables
 
@@ -10,6 +12,7 @@ __all__ = [
     "RUNNING",
     "STOPPED",
     "VARIABLES",
+    "Checkpoint",
     "Frame",
     "MemoryRecorder",
     "NetCDFRecorder",
@@ -17,10 +20,13 @@ __all__ = [
     "Variables",
     "append",
     "attributes",
+    "finished",
+    "one_writer",
     "open_netcdf",
     "open_run",
     "recording",
     "refuse_existing",
     "scene_of",
+    "version",
     "write_dataset",
 ]

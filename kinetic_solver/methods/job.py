@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
+from time import monotonic
+from typing import Any
 
 import numpy as np
 
-from kinetic_solver.dataset import VARIABLES, NetCDFRecorder, Variables
+from kinetic_solver.dataset import VARIABLES, Checkpoint, NetCDFRecorder, Variables, finished
 from kinetic_solver.grid import PhaseSpaceGrid
+from kinetic_solver.methods.interruption import Interruption, Keeper
 from kinetic_solver.methods.progress import Progress
 from kinetic_solver.scene import Scene, Schedule
 
@@ -25,8 +28,29 @@ class Job:
     resume: bool = False
     """Go on from the checkpoint beside the file, where there is one."""
     max_walltime: float | None = None
-    """Seconds after which to stop at a frame, with a checkpoint."""
+    """Seconds after which to stop, with a checkpoint."""
     progress: Progress | None = None
+    interruption: Interruption = field(default_factory=Interruption)
+    began: float = field(default_factory=monotonic)
+
+    def resumed(self, scene: Scene, types: Iterable[type] = ()) -> Resumed:
+        """Where the run of `scene`, this job's or what the method completed it to, goes on. `types`: as for `Checkpoint`.
+
+        Raises SceneError where the file or its checkpoint is not this run's, or damaged.
+        """
+        checkpoint = Checkpoint(self.path, scene, self.method, types)
+        if not (self.resume and self.path.exists()):
+            return Resumed(checkpoint)
+        if finished(self.path, scene, self.method):
+            checkpoint.remove()
+            return Resumed(checkpoint, finished=True)
+        return Resumed(checkpoint, checkpoint.load())
+
+    def keeper(self, resumed: Resumed) -> Keeper:
+        """For the run that is now to begin or to go on. What checkpoints lie there that it does not go on from are removed."""
+        if resumed.state is None:
+            resumed.checkpoint.remove()
+        return Keeper(resumed.checkpoint, self.max_walltime, self.interruption, self.began)
 
     def recorder(
         self,
@@ -41,6 +65,17 @@ class Job:
         overwrite = self.overwrite or self.resume
         written = self.scene if scene is None else scene
         return NetCDFRecorder(self.path, grid, written, schedule, self.method, overwrite, variables, more, after)
+
+
+@dataclass(frozen=True)
+class Resumed:
+    """What a run finds when it begins."""
+
+    checkpoint: Checkpoint
+    state: Any | None = None
+    """That it goes on from; None where it starts afresh."""
+    finished: bool = False
+    """True where nothing is left to do."""
 
 
 @dataclass(frozen=True)
