@@ -19,7 +19,7 @@ KIND = "kind"
 def pack(tree: Any, arrays: list[np.ndarray]) -> Any:
     """What json.dumps takes; arrays are appended to `arrays`, each once, however often the tree holds it.
 
-    Raises TypeError for what is no tree: nothing is left out in silence.
+    Raises ValueError for what is no tree: nothing is left out in silence.
     """
     if tree is None or isinstance(tree, bool | int | str):
         return tree
@@ -42,7 +42,7 @@ def pack(tree: Any, arrays: list[np.ndarray]) -> Any:
         fields = {field.name: pack(getattr(tree, field.name), arrays) for field in dataclasses.fields(tree)}
         return {KIND: type(tree).__name__, "fields": fields}
     # a programming error
-    raise TypeError(f"a checkpoint cannot hold a {type(tree).__name__}")
+    raise ValueError(f"a checkpoint cannot hold a {type(tree).__name__}")
 
 
 def unpack(packed: Any, arrays: list[np.ndarray], types: Mapping[str, type]) -> Any:

@@ -55,7 +55,7 @@ def test_trees_come_back_as_they_were() -> None:
 
 @pytest.mark.parametrize("other", [{1: 2}, object(), {"kind": 1}, {1, 2}], ids=["a key", "an object", "the mark", "a set"])
 def test_what_is_no_tree_is_refused(other: Any) -> None:
-    with pytest.raises(TypeError, match="a checkpoint cannot hold a"):
+    with pytest.raises(ValueError, match="a checkpoint cannot hold a"):
         pack([other], [])
 
 

@@ -124,7 +124,7 @@ def test_a_damaged_scene_is_said(stopped: Path) -> None:
 def test_a_file_that_lost_its_end_is_not_continued(stopped: Path) -> None:
     whole = stopped.read_bytes()
     stopped.write_bytes(whole[: len(whole) // 2])
-    assert "has lost what was written before the checkpoint; allowed: to overwrite it" in refusal(stopped)
+    assert "out.nc: is cut short: it has " in refusal(stopped)
 
 
 def test_a_file_of_another_method_is_not_continued(tmp_path: Path) -> None:
