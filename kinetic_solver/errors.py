@@ -24,6 +24,10 @@ class OutputExistsError(SceneError):
     path: Path
 
 
+class OutputFailed(KineticError, OSError):
+    """What a run writes could not be written: a full disk, say. What is there already stays as it is."""
+
+
 class SolverStopped(KineticError, RuntimeError):
     """A run that could not go on. The message says when, what happened, and what to change."""
 

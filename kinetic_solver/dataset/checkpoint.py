@@ -22,7 +22,7 @@ from kinetic_solver.dataset.files import open_run, scene_of
 from kinetic_solver.dataset.provenance import version
 from kinetic_solver.dataset.schema import FINISHED
 from kinetic_solver.dataset.trees import pack, unpack
-from kinetic_solver.errors import SceneError
+from kinetic_solver.errors import OutputFailed, SceneError
 from kinetic_solver.scene import Scene
 
 FORMAT = 1
@@ -44,7 +44,10 @@ class Checkpoint:
         self._types = {kind.__name__: kind for kind in types}
 
     def save(self, time: float, state: Any) -> None:
-        """Write the state, a tree (trees.py), which the run has at this time, together with what the target holds now."""
+        """Write the state, a tree (trees.py), which the run has at this time, together with what the target holds now.
+
+        Raises OutputFailed where there is no room for it; the last one is kept.
+        """
         arrays: list[np.ndarray] = []
         packed = json.dumps(pack(state, arrays))
         header = {
@@ -67,9 +70,11 @@ class Checkpoint:
             if self.path.exists():
                 self.path.replace(self.previous)
             part.replace(self.path)
+            sync_folder(self.path.parent)
+        except OSError as error:
+            raise OutputFailed(f"{self.path}: cannot be written ({error.strerror}); make room, and resume the run") from None
         finally:
             part.unlink(missing_ok=True)
-        sync_folder(self.path.parent)
 
     def load(self) -> Any | None:
         """The last whole state; None where there is no checkpoint.

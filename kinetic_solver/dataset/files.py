@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import struct
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pydantic import ValidationError
 
 from kinetic_solver.dataset.header import needed_bytes
+from kinetic_solver.dataset.schema import STOPPED
 from kinetic_solver.errors import OutputExistsError, SceneError
 from kinetic_solver.scene import Scene, one_line
 
@@ -98,6 +99,30 @@ def append(path: str | Path, dataset: xr.Dataset) -> None:
             variable.setncatts(added.attrs)
             variable[:] = values
         out.setncatts(dataset.attrs)
+
+
+def abandon(dataset: Any) -> None:
+    """Leave a netCDF4.Dataset open to the end of the process: where a file cannot be written, closing it fails too, and what the
+    library then frees twice would crash the process."""
+    import ctypes
+
+    ctypes.pythonapi.Py_IncRef(ctypes.py_object(dataset))
+
+
+def mark_as_stopped(path: Path, reason: str) -> None:
+    """The file of a run that could not be written further says so, in the room that its header has; if it can."""
+    import netCDF4
+
+    try:
+        file = netCDF4.Dataset(path, "a")
+    except (OSError, RuntimeError):
+        return
+    try:
+        file.setncattr("stopped", reason)
+        file["status"][...] = STOPPED
+        file.close()
+    except (OSError, RuntimeError):
+        abandon(file)
 
 
 def write_dataset(dataset: xr.Dataset, path: str | Path, overwrite: bool = False) -> None:

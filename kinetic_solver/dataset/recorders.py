@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from kinetic_solver.dataset.checkpoint import sync_folder
-from kinetic_solver.dataset.files import refuse_existing
+from kinetic_solver.dataset.files import abandon, mark_as_stopped, refuse_existing
 from kinetic_solver.dataset.provenance import attributes
 from kinetic_solver.dataset.schema import (
     FINISHED,
@@ -31,7 +31,7 @@ from kinetic_solver.dataset.schema import (
     bounds,
     coordinates,
 )
-from kinetic_solver.errors import RunUnfinished, SceneError, SolverStopped
+from kinetic_solver.errors import OutputFailed, RunUnfinished, SceneError, SolverStopped
 from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.scene import Scene, Schedule
 
@@ -62,7 +62,7 @@ def recording(recorder: Recorder) -> Iterator[None]:
     try:
         yield
     except BaseException as stop:
-        said = isinstance(stop, (SolverStopped, RunUnfinished))
+        said = isinstance(stop, (SolverStopped, RunUnfinished, OutputFailed))
         recorder.close(stopped=str(stop) if said else f"interrupted by {type(stop).__name__} {stop}".strip())
         if isinstance(stop, SolverStopped) and isinstance(recorder, MemoryRecorder):
             stop.dataset = recorder.dataset()
@@ -219,6 +219,13 @@ class NetCDFRecorder:
         out.delncattr("room")
 
     def record(self, time: float, frame: Frame) -> None:
+        """Raises OutputFailed where it cannot be written; the frames before are kept."""
+        try:
+            self._record(time, frame)
+        except (OSError, RuntimeError) as error:
+            raise self._failed(error) from None
+
+    def _record(self, time: float, frame: Frame) -> None:
         if self._file is None:
             self._create()
         for dimension in {self._dimensions[group] for group in frame}:
@@ -237,7 +244,7 @@ class NetCDFRecorder:
             self._named = True
 
     def close(self, stopped: str | None = None, report: Mapping[str, str] | None = None) -> None:
-        """Also where the run could not write: then what is on disk stays as it is."""
+        """Raises OutputFailed where the end cannot be written; nothing is done where no frame could be."""
         if self._file is None:
             return
         last = {"stopped": stopped} if stopped else dict(report or {})
@@ -249,9 +256,24 @@ class NetCDFRecorder:
                 self._file["status"][...] = STOPPED if stopped else FINISHED
                 self._sync()
             self._file.close()
-        finally:
-            self._part.unlink(missing_ok=True)
+        except (OSError, RuntimeError) as error:
+            raise self._failed(error) from None
         self._file = None
+        self._part.unlink(missing_ok=True)
+
+    def _failed(self, error: Exception) -> OutputFailed:
+        """The file is given up: closing it would fail again, and crash. What is on disk stays, and says that it stopped."""
+        reason = getattr(error, "strerror", None) or str(error)
+        if "define mode" in reason:  # what the library says after it could not write a header
+            reason = "no room for its header"
+        if self._file is not None:
+            abandon(self._file)
+        self._file = None
+        self._part.unlink(missing_ok=True)
+        message = f"{self.path}: cannot be written ({reason}); make room, and resume the run"
+        if self._named:
+            mark_as_stopped(self.path, message)
+        return OutputFailed(message)
 
     def _sync(self) -> None:
         self._file.sync()
