@@ -24,6 +24,10 @@ class OutputExistsError(SceneError):
     path: Path
 
 
+class OutputFailed(KineticError, OSError):
+    """What a run writes could not be written: a full disk, say. What is there already stays as it is."""
+
+
 class SolverStopped(KineticError, RuntimeError):
     """A run that could not go on. The message says when, what happened, and what to change."""
 
@@ -32,7 +36,12 @@ class SolverStopped(KineticError, RuntimeError):
 
 
 class RunUnfinished(KineticError):
-    """The wall-clock time that a run was given is over. It left a checkpoint, from which it can be resumed."""
+    """A run was stopped from outside, or the wall-clock time that it was given is over: it can be resumed."""
+
+    def __init__(self, message: str, by: str | None = None) -> None:
+        super().__init__(message)
+        self.by = by
+        """Who stopped it, the name of a signal, say; None where its time was over."""
 
 
 class LostAccuracy(KineticError, RuntimeError):

@@ -50,6 +50,12 @@ class Ensemble:
     def count(self) -> int:
         return int(self.x.size)
 
+    def count_cells(self) -> None:
+        """`starts` of particles that lie in the order of their cells already."""
+        cell = np.minimum((self.x * (self.cells / self.length)).astype(np.int32), self.cells - 1)
+        self.starts[0] = 0
+        np.cumsum(np.bincount(cell, minlength=self.cells), out=self.starts[1:])
+
     def advance(self, step: LangevinStep, number: int, key: NDArray[np.uint64]) -> None:
         """The Langevin step, without sorting."""
         advance(self.x, self.v, self.length, astuple(step), number, key[0], key[1])

@@ -32,7 +32,10 @@ if TYPE_CHECKING:
     import xarray as xr
 
 Progress = Callable[[float, float], None]
-AfterFrame = Callable[["Simulation"], None]
+AfterStep = Callable[["Simulation"], None]
+
+SINGLE_FILE_STEPS = 2**18
+"""Particle-steps of a single file between two looks at whether to stop. Chosen: some hundredths of a second."""
 
 
 class Simulation:
@@ -55,6 +58,8 @@ class Simulation:
         """Since the start, of all replicas; of single files all overtakings are candidates."""
         self.outside = 0.0
         """Largest share of the particles outside the velocity window, at the frames so far."""
+        self.done = (0, 0)
+        """Of the interval that begins at `time`: replicas that are done, and steps of the next one."""
         self._keys = [key(scene.particles.seed, replica) for replica in range(scene.particles.replicas)]
         self.weight = plan.weight
         start = self._start() if state is None else zip(state["x"].copy(), state["v"].copy(), strict=True)
@@ -69,6 +74,9 @@ class Simulation:
         if state is not None:
             self.time, self.number = float(state["time"]), int(state["number"])
             self.candidates, self.collisions = int(state["candidates"]), int(state["collisions"])
+            self.outside, self.done = float(state["outside"]), state["done"]
+            for ensemble in self.ensembles:
+                ensemble.count_cells()
         self._tally = np.zeros((plan.cells, 2), dtype=np.int64)
 
     def _start(self) -> Iterator[tuple[Array, Array]]:
@@ -108,52 +116,64 @@ class Simulation:
         theta = starts.temperature(scene, x, 1.0) * temperatures[part]
         return x, starts.mean_velocity(scene, x, 0.0) + means[part] + np.sqrt(theta) * normals[:, 0]
 
-    def advance_to(self, time: float) -> None:
+    def advance_to(self, time: float, after_step: AfterStep = lambda simulation: None) -> None:
+        """`after_step` is called whenever some replica has done some steps, and may raise: the state is one to go on from."""
         scene, interval = self.plan.scene, time - self.time
         if interval <= 0:
             return
         with threads_for(scene.particles.count):
             if self.plan.law is None:
-                self._fly(interval)
+                self._fly(interval, after_step)
             elif self.plan.single_file:
-                self._overtake_to(interval)
+                self._overtake_to(interval, after_step)
             else:
-                self._collide_to(interval)
-        self.time = time
+                self._collide_to(interval, after_step)
+        self.time, self.done = time, (0, 0)
 
-    def _fly(self, interval: float) -> None:
+    def _fly(self, interval: float, after_step: AfterStep) -> None:
         whole = LangevinStep.over(self.plan.scene.model, interval)
-        for ensemble, k in zip(self.ensembles, self._keys, strict=True):
-            ensemble.advance(whole, self.number, k)
+        for replica in range(self.done[0], len(self.ensembles)):
+            self.ensembles[replica].advance(whole, self.number, self._keys[replica])
+            self.done = (replica + 1, 0)
+            after_step(self)
         self.number += 1
 
     def _steps(self, interval: float) -> int:
         return math.ceil(interval / self.plan.time_step * (1 - 1e-12))
 
-    def _overtake_to(self, interval: float) -> None:
+    def _overtake_to(self, interval: float, after_step: AfterStep) -> None:
         steps = self._steps(interval)
-        for file, k in zip(self.files, self._keys, strict=True):
-            overtakings, collisions = file.advance(self.plan.scene.model, interval, steps, self.number, k)
-            self.candidates += overtakings
-            self.collisions += collisions
+        at_once = max(1, SINGLE_FILE_STEPS // self.plan.scene.particles.count)
+        for replica in range(self.done[0], len(self.files)):
+            file, k = self.files[replica], self._keys[replica]
+            for first in range(self.done[1], steps, at_once):
+                part = range(first, min(first + at_once, steps))
+                overtakings, collisions = file.advance(self.plan.scene.model, interval, steps, self.number, k, part)
+                self.candidates += overtakings
+                self.collisions += collisions
+                self.done = (replica, part.stop) if part.stop < steps else (replica + 1, 0)
+                after_step(self)
         self.number += steps + 1
 
-    def _collide_to(self, interval: float) -> None:
+    def _collide_to(self, interval: float, after_step: AfterStep) -> None:
         scene, plan = self.plan.scene, self.plan
         steps = self._steps(interval)
         h = interval / steps
         half, whole = LangevinStep.over(scene.model, h / 2), LangevinStep.over(scene.model, h)
         law = _needed(plan)
         rate = law.cross_section * self.weight * h / plan.cell_width
-        for ensemble, k in zip(self.ensembles, self._keys, strict=True):
-            number = self.number
-            ensemble.advance_and_sort(half, number, k)
-            for n in range(1, steps + 1):
-                number += 1
+        for replica in range(self.done[0], len(self.ensembles)):
+            ensemble, k, done = self.ensembles[replica], self._keys[replica], self.done[1]
+            if done == 0:
+                ensemble.advance_and_sort(half, self.number, k)
+            for n in range(done + 1, steps + 1):
+                number = self.number + n
                 collide(ensemble.v, ensemble.starts, rate, law, number, k, self._tally)
                 self.candidates += int(self._tally[:, 0].sum())
                 self.collisions += int(self._tally[:, 1].sum())
                 ensemble.advance_and_sort(whole if n < steps else half, number, k)
+                self.done = (replica, n) if n < steps else (replica + 1, 0)
+                after_step(self)
         self.number += steps + 1
 
     def particles(self) -> list[tuple[Array, Array]]:
@@ -161,7 +181,8 @@ class Simulation:
         return [(f.places(), f.v) for f in self.files] or [(e.x, e.v) for e in self.ensembles]
 
     def state(self) -> dict[str, Any]:
-        """What a simulation needs to go on bit for bit: x, v (replica, particle), time, number, candidates, collisions."""
+        """What a simulation needs to go on bit for bit, a tree: x, v (replica, particle), the time of the last frame, how much of
+        the interval after it is done, and the counts so far."""
         whole = self.files or self.ensembles
         return {
             "x": np.array([e.x for e in whole]),
@@ -170,6 +191,8 @@ class Simulation:
             "number": self.number,
             "candidates": self.candidates,
             "collisions": self.collisions,
+            "outside": self.outside,
+            "done": self.done,
         }
 
 
@@ -202,24 +225,24 @@ def run(
     plan: ParticlePlan,
     recorder: Recorder,
     progress: Progress | None = None,
-    after_frame: AfterFrame | None = None,
+    after_step: AfterStep = lambda simulation: None,
     state: dict[str, Any] | None = None,
 ) -> Simulation:
     """Hand every frame to the recorder, or from `state` on those after its time; returns the simulation at its end.
 
-    `after_frame` is called once a frame is written.
+    `after_step` is called as in `Simulation.advance_to`, and once a frame is written, but for the last.
     """
     simulation = Simulation(plan, state)
     sampler = Sampler(plan.grid.length, plan.grid.nx, plan.grid.v, simulation.weight)
     for time, due in zip(plan.schedule.times.tolist(), plan.schedule.due, strict=True):
         if state is not None and time <= simulation.time:
             continue
-        simulation.advance_to(time)
+        simulation.advance_to(time, after_step)
         recorder.record(time, frame(simulation, sampler, due))
         if progress is not None and time > 0:
             progress(time, plan.scene.run.end_time)
-        if after_frame is not None:
-            after_frame(simulation)
+        if time < plan.scene.run.end_time:
+            after_step(simulation)
     return simulation
 
 

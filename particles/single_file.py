@@ -81,8 +81,11 @@ class SingleFile:
         x[x >= self.length] = 0.0
         return x
 
-    def advance(self, model: Model, interval: float, steps: int, number: int, key: NDArray[np.uint64]) -> tuple[int, int]:
+    def advance(
+        self, model: Model, interval: float, steps: int, number: int, key: NDArray[np.uint64], part: range | None = None
+    ) -> tuple[int, int]:
         """`steps` steps over the time `interval`, with random numbers `number` to `number + steps`: overtakings and collisions.
+        Or only a part of these steps, after which the next part has the same bits as all at once.
 
         Overtakings are all meetings of two particles, collisions included. (12) conserves momentum to round-off.
         SolverStopped where x or v is not finite, and where overtakings of one flight exceed 1000 n + 100 n²wh/L, w the range of
@@ -95,6 +98,7 @@ class SingleFile:
         overtakings, collisions, ended = _kernel(kind)(
             *(self.x, self.v, self._first, self.length, self.probability, self.law.numbers, keeps),
             *(h, steps, half, whole, number, key[0], key[1], 100.0),
+            *((0, steps) if part is None else (part.start, part.stop)),
         )
         if ended == _NOT_FINITE:
             raise SolverStopped("single-file particles: a place or velocity is not a finite number; lower particles.time_step")
@@ -123,10 +127,13 @@ after: Any = None
 """Of the law (laws/law.py): bound by `specialised`."""
 
 
-def _advance(x, v, first, length, probability, numbers, keeps, h, steps, half, whole, number, k0, k1, generous):  # type: ignore[no-untyped-def]
+def _advance(  # type: ignore[no-untyped-def]
+    x, v, first, length, probability, numbers, keeps, h, steps, half, whole, number, k0, k1, generous, done, end
+):
     overtakings = collisions = 0
-    _kick(v, half, np.uint64(number), k0, k1)
-    for n in range(1, steps + 1):
+    if done == 0:
+        _kick(v, half, np.uint64(number), k0, k1)
+    for n in range(done + 1, end + 1):
         step = np.uint64(number + n)
         most = _most(x, v, length, h, generous)
         if most < 0.0:

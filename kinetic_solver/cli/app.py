@@ -42,7 +42,7 @@ def main() -> None:
     try:
         code = typer.main.get_command(app)(standalone_mode=False)
     except (typer.Abort, KeyboardInterrupt):
-        print("error: interrupted; the frames written are kept", file=sys.stderr)
+        print("error: interrupted", file=sys.stderr)
         code = INTERRUPTED
     except Exception as error:
         # What is wrong with the command itself. The class is click's, wherever typer has it from.
@@ -74,7 +74,10 @@ def exit_codes(another_name: str = "name another file with -o") -> Iterator[None
         yield
     except RunUnfinished as stop:
         print(f"{stop} (--resume)", file=sys.stderr)
-        raise typer.Exit(UNFINISHED) from None
+        raise typer.Exit(INTERRUPTED if stop.by == "SIGINT" else UNFINISHED) from None
+    except KeyboardInterrupt:
+        print("error: interrupted", file=sys.stderr)
+        raise typer.Exit(INTERRUPTED) from None
     except OutputExistsError as error:
         raise _fail(f"{error.path}: exists already; use --overwrite to replace it, or {another_name}", WRONG) from None
     except SceneError as error:

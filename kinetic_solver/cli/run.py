@@ -21,21 +21,24 @@ def run(
     overrides: Overrides = None,
     overwrite: Overwrite = False,
     certified: Annotated[bool, typer.Option("--certify", help="Run again refined; add error bars and observed orders.")] = False,
-    resume: Annotated[bool, typer.Option("--resume", help="Go on from where a run of particles was stopped.")] = False,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on from where the run was stopped.")] = False,
     max_walltime: Annotated[
-        float | None, typer.Option(metavar="S", help="Stop particles after S seconds, at a frame, to be resumed; exit code 3.")
+        float | None, typer.Option(metavar="S", help="Stop after S seconds with a checkpoint, to be resumed; exit code 3.")
     ] = None,
 ) -> None:
-    """Solve a scene and write a netCDF file."""
+    """Solve a scene and write a netCDF file. SIGTERM and Ctrl-C stop it with a checkpoint, SIGUSR1 writes one."""
     with exit_codes():
+        from kinetic_solver.cli.signals import listening
         from kinetic_solver.errors import SceneError
-        from kinetic_solver.methods import METHODS, run_to_file
+        from kinetic_solver.methods import METHODS, Interruption, run_to_file
 
         loaded = load(scene, overrides)
         target = output or Path(scene.stem + ".nc")
         if certified and method != "grid" and method in METHODS:
             raise SceneError(f"--certify: is for --method grid; {method!r} has no discretisation to refine")
-        done = run_to_file(loaded, target, method, overwrite, resume, max_walltime, progress=True)
+        asked = Interruption(answer=lambda text: print(text, file=sys.stderr))
+        with listening(asked):
+            done = run_to_file(loaded, target, method, overwrite, resume, max_walltime, progress=True, interruption=asked)
         for line in done.lines:
             print(line)
         if certified:

@@ -1,5 +1,6 @@
 """The one schema of every method's dataset, what records it, and files of it: the only place that writes netCDF."""
 
+from kinetic_solver.dataset.checkpoint import Checkpoint, finished
 from kinetic_solver.dataset.files import (
     append,
     law_of_run,
@@ -10,7 +11,8 @@ from kinetic_solver.dataset.files import (
     scene_of,
     write_dataset,
 )
-from kinetic_solver.dataset.provenance import attributes, law_attribute
+from kinetic_solver.dataset.lock import one_writer
+from kinetic_solver.dataset.provenance import attributes, law_attribute, version
 from kinetic_solver.dataset.recorders import MemoryRecorder, NetCDFRecorder, Recorder, recording
 from kinetic_solver.dataset.schema import FINISHED, RUNNING, STOPPED, VARIABLES, Frame, Variables
 
@@ -19,6 +21,7 @@ __all__ = [
     "RUNNING",
     "STOPPED",
     "VARIABLES",
+    "Checkpoint",
     "Frame",
     "MemoryRecorder",
     "NetCDFRecorder",
@@ -26,13 +29,16 @@ __all__ = [
     "Variables",
     "append",
     "attributes",
+    "finished",
     "law_attribute",
     "law_of_run",
+    "one_writer",
     "open_netcdf",
     "open_run",
     "recording",
     "refuse_existing",
     "refuse_law",
     "scene_of",
+    "version",
     "write_dataset",
 ]

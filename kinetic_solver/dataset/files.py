@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 import json
+import struct
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pydantic import ValidationError
 
+from kinetic_solver.dataset.header import needed_bytes
+from kinetic_solver.dataset.schema import STOPPED
 from kinetic_solver.errors import OutputExistsError, SceneError
 from kinetic_solver.scene import Scene, one_line
 
 if TYPE_CHECKING:
     import xarray as xr
+
+
+NO_TIME = 9e36
+"""A frame in the making has netCDF's fill value, 9.97e36, for its time."""
 
 
 def open_netcdf(path: str | Path, source: str | None = None) -> xr.Dataset:
@@ -26,12 +33,35 @@ def open_netcdf(path: str | Path, source: str | None = None) -> xr.Dataset:
 
 
 def open_run(path: str | Path) -> xr.Dataset:
-    """A run's dataset, read lazily. Raises SceneError where there is none."""
+    """A run's dataset, read lazily, without a frame that a killed run left in the making.
+
+    Raises SceneError where there is none, and where the file is cut short or has no frame.
+    """
     dataset = open_netcdf(path)
-    if "scene" not in dataset.attrs:
+    try:
+        if "scene" not in dataset.attrs:
+            raise _no_scene(path)
+        if "time" in dataset.dims:
+            _check_length(Path(path))
+            frames = int((dataset["time"].values < NO_TIME).sum())
+            if frames == 0:
+                raise SceneError(f"{path}: has no frame yet; allowed: a run that has written one")
+            if frames < dataset.sizes["time"]:
+                dataset = dataset.isel(time=slice(0, frames))
+    except SceneError:
         dataset.close()
-        raise _no_scene(path)
+        raise
     return dataset
+
+
+def _check_length(path: Path) -> None:
+    there = path.stat().st_size
+    try:
+        needed = needed_bytes(path)
+    except (struct.error, IndexError):
+        raise SceneError(f"{path}: is not a readable netCDF file") from None
+    if needed is not None and there < needed:
+        raise SceneError(f"{path}: is cut short: it has {there} of the {needed} bytes that its header speaks of")
 
 
 def scene_of(dataset: xr.Dataset, source: str | Path = "dataset") -> Scene:
@@ -81,6 +111,30 @@ def append(path: str | Path, dataset: xr.Dataset) -> None:
             variable.setncatts(added.attrs)
             variable[:] = values
         out.setncatts(dataset.attrs)
+
+
+def abandon(dataset: Any) -> None:
+    """Leave a netCDF4.Dataset open to the end of the process: where a file cannot be written, closing it fails too, and what the
+    library then frees twice would crash the process."""
+    import ctypes
+
+    ctypes.pythonapi.Py_IncRef(ctypes.py_object(dataset))
+
+
+def mark_as_stopped(path: Path, reason: str) -> None:
+    """The file of a run that could not be written further says so, in the room that its header has; if it can."""
+    import netCDF4
+
+    try:
+        file = netCDF4.Dataset(path, "a")
+    except (OSError, RuntimeError):
+        return
+    try:
+        file.setncattr("stopped", reason)
+        file["status"][...] = STOPPED
+        file.close()
+    except (OSError, RuntimeError):
+        abandon(file)
 
 
 def write_dataset(dataset: xr.Dataset, path: str | Path, overwrite: bool = False) -> None:

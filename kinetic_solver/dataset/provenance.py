@@ -16,6 +16,11 @@ PACKAGES = ("numpy", "scipy", "numba", "pyfftw", "xarray", "netCDF4")
 _version = functools.cache(metadata.version)
 
 
+def version() -> str:
+    """Of this software."""
+    return _version("kinetic-solver")
+
+
 def attributes(scene: Scene, method: str) -> dict[str, str | float]:
     """Provenance: the scene as one JSON text, version, command, seed, packages."""
     return {
@@ -23,8 +28,8 @@ def attributes(scene: Scene, method: str) -> dict[str, str | float]:
         "title": "One-dimensional kinetic equation with friction, noise and collisions",
         "method": method,
         "scene": scene.model_dump_json(by_alias=True, exclude_none=True),
-        "source": f"kinetic-solver {_version('kinetic-solver')}",
-        "version": _version("kinetic-solver"),
+        "source": f"kinetic-solver {version()}",
+        "version": version(),
         "command": " ".join([Path(sys.argv[0]).name, *sys.argv[1:]]),
         "seed": scene.particles.seed,
         "packages": json.dumps({name: _version(name) for name in PACKAGES}),

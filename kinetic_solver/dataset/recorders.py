@@ -17,7 +17,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from kinetic_solver.dataset.files import refuse_existing
+from kinetic_solver.dataset.checkpoint import sync_folder
+from kinetic_solver.dataset.files import abandon, mark_as_stopped, refuse_existing
 from kinetic_solver.dataset.provenance import attributes
 from kinetic_solver.dataset.schema import (
     FINISHED,
@@ -30,12 +31,17 @@ from kinetic_solver.dataset.schema import (
     bounds,
     coordinates,
 )
-from kinetic_solver.errors import RunUnfinished, SceneError, SolverStopped
+from kinetic_solver.errors import OutputFailed, RunUnfinished, SceneError, SolverStopped
 from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.scene import Scene, Schedule
 
 if TYPE_CHECKING:
     import xarray as xr
+
+
+ROOM = 32768
+"""Bytes kept free in a file's header for the attributes that its end brings. Chosen: the reasons of stops and the grids of an
+adapting run take a few thousand."""
 
 
 class Recorder(Protocol):
@@ -56,7 +62,7 @@ def recording(recorder: Recorder) -> Iterator[None]:
     try:
         yield
     except BaseException as stop:
-        said = isinstance(stop, (SolverStopped, RunUnfinished))
+        said = isinstance(stop, (SolverStopped, RunUnfinished, OutputFailed))
         recorder.close(stopped=str(stop) if said else f"interrupted by {type(stop).__name__} {stop}".strip())
         if isinstance(stop, SolverStopped) and isinstance(recorder, MemoryRecorder):
             stop.dataset = recorder.dataset()
@@ -121,7 +127,8 @@ class MemoryRecorder:
 class NetCDFRecorder:
     """Writes each frame to a file and syncs it to disk: a killed run loses at most the frame in hand.
 
-    The file comes into being with the first frame, so a scene that is refused leaves none.
+    The file has its name only once the first frame is whole: a scene that is refused leaves none, and one that is there can be
+    read. Its header has room for the attributes that come last, so that the data never move; the status is written after them.
 
     Groups with a cadence of their own have a time dimension of known length, whose frames to come are NaN. With `after` the file
     is one that a stopped run left, and goes on with the frame that follows that time.
@@ -145,6 +152,9 @@ class NetCDFRecorder:
         refuse_existing(path, overwrite or after is not None)
         if not self.path.parent.is_dir():
             raise SceneError(f"{self.path}: cannot be created (its folder does not exist)")
+        self._part = self.path.with_name(self.path.name + ".part")
+        """The file's name until its first frame is whole."""
+        self._named = False
         self._grid, self._scene, self._method = grid, scene, method
         self._file: Any = None
         self._variables, self._more, self._notes = variables, more or {}, dict(notes or {})
@@ -160,9 +170,14 @@ class NetCDFRecorder:
             self._file = netCDF4.Dataset(self.path, "a")
         except OSError as error:
             raise SceneError(f"{self.path}: cannot be continued ({error.strerror})") from None
+        self._named = True
         for dimension in self._count:
             times = np.ma.filled(self._file[dimension][:], np.inf)
             self._count[dimension] = int((times <= after * (1 + 1e-12)).sum())
+        for group, dimension in self._dimensions.items():
+            if self._count[dimension] != int((self._schedule.of_group(group) <= after * (1 + 1e-12)).sum()):
+                self._file.close()
+                raise SceneError(f"{self.path}: has lost what was written before the checkpoint; allowed: to overwrite it")
         self._file["status"][...] = RUNNING
         if "stopped" in self._file.ncattrs():
             self._file.delncattr("stopped")
@@ -173,10 +188,10 @@ class NetCDFRecorder:
 
         grid, scene, method = self._grid, self._scene, self._method
         try:
-            self._file = out = netCDF4.Dataset(self.path, "w", format="NETCDF3_64BIT_DATA")
+            self._file = out = netCDF4.Dataset(self._part, "w", format="NETCDF3_64BIT_DATA")
         except OSError as error:
             raise SceneError(f"{self.path}: cannot be created ({error.strerror})") from None
-        out.setncatts(attributes(scene, method) | self._notes)
+        out.setncatts({**attributes(scene, method), **self._notes, "room": " " * ROOM})
         for name, size in (("x", grid.nx), ("v", grid.nv), ("bounds", 2)):
             out.createDimension(name, size)
         for name, (dimension, values, attrs) in coordinates(grid).items():
@@ -202,9 +217,18 @@ class NetCDFRecorder:
             for name, (dims, units, long_name) in self._variables[group].items():
                 variable = out.createVariable(name, "f8", (dimension, *dims), fill_value=np.nan)
                 variable.setncatts({"long_name": long_name, "units": units})
-        self._sync()
+        out.sync()
+        # The room stays: where the data begin has been settled (tests/faults/test_files.py).
+        out.delncattr("room")
 
     def record(self, time: float, frame: Frame) -> None:
+        """Raises OutputFailed where it cannot be written; the frames before are kept."""
+        try:
+            self._record(time, frame)
+        except (OSError, RuntimeError) as error:
+            raise self._failed(error) from None
+
+    def _record(self, time: float, frame: Frame) -> None:
         if self._file is None:
             self._create()
         for dimension in {self._dimensions[group] for group in frame}:
@@ -217,18 +241,46 @@ class NetCDFRecorder:
             self._file[dimension][index] = time
             self._count[dimension] = index + 1
         self._sync()
+        if not self._named:
+            self._part.replace(self.path)
+            sync_folder(self.path.parent)
+            self._named = True
 
     def close(self, stopped: str | None = None, report: Mapping[str, str] | None = None) -> None:
+        """Raises OutputFailed where the end cannot be written; nothing is done where no frame could be."""
         if self._file is None:
             return
-        self._file["status"][...] = STOPPED if stopped else FINISHED
-        self._sync()
-        self._file.setncatts({"stopped": stopped} if stopped else dict(report or {}))
-        self._file.close()
+        last = {"stopped": stopped} if stopped else dict(report or {})
+        try:
+            if self._named:
+                if last:
+                    self._file.setncatts(last)
+                    self._sync()
+                self._file["status"][...] = STOPPED if stopped else FINISHED
+                self._sync()
+            self._file.close()
+        except (OSError, RuntimeError) as error:
+            raise self._failed(error) from None
+        self._file = None
+        self._part.unlink(missing_ok=True)
+
+    def _failed(self, error: Exception) -> OutputFailed:
+        """The file is given up: closing it would fail again, and crash. What is on disk stays, and says that it stopped."""
+        reason = getattr(error, "strerror", None) or str(error)
+        if "define mode" in reason:  # what the library says after it could not write a header
+            reason = "no room for its header"
+        if self._file is not None:
+            abandon(self._file)
+        self._file = None
+        self._part.unlink(missing_ok=True)
+        message = f"{self.path}: cannot be written ({reason}); make room, and resume the run"
+        if self._named:
+            mark_as_stopped(self.path, message)
+        return OutputFailed(message)
 
     def _sync(self) -> None:
         self._file.sync()
-        descriptor = os.open(self.path, os.O_RDONLY)
+        descriptor = os.open(self.path if self._named else self._part, os.O_RDONLY)
         try:
             os.fsync(descriptor)
         finally:

@@ -48,9 +48,10 @@ def solve(scene: Scene, x: ArrayLike | None = None, v: ArrayLike | None = None) 
     return dataset
 
 
-def frames(scene: Scene, grid: PhaseSpaceGrid, schedule: Schedule) -> Iterator[tuple[float, Frame]]:
-    """What is due at each time of the schedule, at the points of the grid; f is made only where it, or w(v) = ∫f dx, is due."""
-    for time, due in zip(schedule.times.tolist(), schedule.due, strict=True):
+def frames(scene: Scene, grid: PhaseSpaceGrid, schedule: Schedule, first: int = 0) -> Iterator[tuple[float, Frame]]:
+    """What is due at each time of the schedule from the `first` on, at the points of the grid; f is made only where it, or
+    w(v) = ∫f dx, is due."""
+    for time, due in zip(schedule.times[first:].tolist(), schedule.due[first:], strict=True):
         state = Solution(scene, time)
         frame: dict[str, dict[str, Array | float]] = {}
         if due & {"f", "moments"}:

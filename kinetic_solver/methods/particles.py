@@ -6,10 +6,7 @@ import warnings
 from time import monotonic
 
 from kinetic_solver.dataset import recording
-from kinetic_solver.errors import RunUnfinished
-from kinetic_solver.initial import notes_of
 from kinetic_solver.methods.job import Job
-from particles.checkpoint import Checkpoint, finished
 from particles.plan import ParticlePlan, make_plan
 from particles.records import coordinates, variables
 from particles.report import report
@@ -21,33 +18,27 @@ OUTSIDE = 1e-3
 
 
 def run(job: Job) -> list[str]:
-    """Raises RunUnfinished at the first frame after `job.max_walltime`, its state written beside the file."""
-    began = monotonic()
+    """Raises RunUnfinished after the step in which the run is told to stop, its state written beside the file."""
     plan = make_plan(job.scene, job.operator, job.initial)
-    scene, said, walltime = plan.scene, report(plan), job.max_walltime
-    if job.resume and finished(job.path, scene):
+    scene, said, notes = plan.scene, report(plan), job.notes(plan.start)
+    resumed = job.resumed(scene, notes=notes)
+    if resumed.finished:
         return ["it has finished already"]
-    checkpoint = Checkpoint(job.path, scene)
-    state = checkpoint.load() if job.resume and job.path.exists() else None
+    state = resumed.state
     after = None if state is None else float(state["time"])
     table, more = variables(scene, plan.grid), coordinates(scene, plan.grid)
-    recorder = job.recorder(plan.grid, plan.schedule, table, scene, more, after, notes_of(plan.start))
-    if state is None:
-        checkpoint.remove()
+    recorder = job.recorder(plan.grid, plan.schedule, table, scene, more, after, notes)
+    keeper = job.keeper(resumed)
     if "warning" in said:
         warnings.warn(said["warning"], stacklevel=4)
 
-    def after_frame(simulation: Simulation) -> None:
-        late = walltime is not None and monotonic() - began > walltime and simulation.time < scene.run.end_time
-        if checkpoint.due or late:
-            checkpoint.save(simulation.state())
-        if late:
-            raise RunUnfinished(f"stopped at t = {simulation.time:g} after {walltime:g} s; resume it to go on")
+    def after_step(simulation: Simulation) -> None:
+        keeper.look(simulation.time, simulation.state)
 
     with recording(recorder):
-        done = simulate(plan, recorder, job.progress, after_frame, state)
+        done = simulate(plan, recorder, job.progress, after_step, state)
     recorder.close(report=said)
-    checkpoint.remove()
+    keeper.finish()
     if done.outside > OUTSIDE:
         warnings.warn(
             f"up to {done.outside:.2g} of the particles are outside the velocity window and missing in f and w(v); "
@@ -55,7 +46,7 @@ def run(job: Job) -> list[str]:
             stacklevel=4,
         )
     steps = done.number - (int(state["number"]) if state is not None else 0)
-    return _in_words(plan, done, steps, monotonic() - began, said)
+    return _in_words(plan, done, steps, monotonic() - job.began, said)
 
 
 def _in_words(plan: ParticlePlan, done: Simulation, steps: int, seconds: float, said: dict[str, str]) -> list[str]:

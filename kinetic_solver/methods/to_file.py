@@ -6,13 +6,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from kinetic_solver.dataset import recording, refuse_existing
+from kinetic_solver.dataset import one_writer, refuse_existing
 from kinetic_solver.errors import SceneError
-from kinetic_solver.initial import Given, notes_of, recorded
+from kinetic_solver.initial import Given
 from kinetic_solver.laws import CollisionLaw
+from kinetic_solver.methods.interruption import Interruption
 from kinetic_solver.methods.job import Job, Written
 from kinetic_solver.methods.progress import Progress, telling
-from kinetic_solver.scene import Scene, Schedule
+from kinetic_solver.scene import Scene
 
 
 @dataclass(frozen=True)
@@ -23,7 +24,7 @@ class Method:
     """Writes the file and returns `Written.lines`."""
     starts: bool = True
     """Whether it can start from an f(x, v) of the user's own."""
-    resumes: bool = False
+    resumes: bool = True
     """Whether it keeps checkpoints: `resume` and `max_walltime` are for those alone."""
 
 
@@ -37,28 +38,33 @@ def run_to_file(
     progress: bool | Progress = False,
     operator: CollisionLaw | None = None,
     initial: Given | None = None,
+    interruption: Interruption | None = None,
 ) -> Written:
     """Run the scene by a method (a key of `METHODS`) into a netCDF file of the common schema (docs/output.md).
 
     Each frame is on disk as soon as it exists, and others may read the file meanwhile. A run that fails or is interrupted leaves
     the frames so far, with the reason as the attribute `stopped`; a scene that is refused leaves no file. `resume` goes on from
-    the checkpoint beside the file: without one the run starts afresh, and a finished one is left as it is. After `max_walltime`
-    seconds a run stops at its next frame with a checkpoint. `progress` is True for a bar (on a terminal) or a line every ten
-    seconds, on stderr, or a callable of the time and the end time. `operator` is a collision law of one's own
-    (docs/extending.md); the file names it, and a run is resumed with the same one only. `initial` is a start of one's own,
-    f(x, v) as a callable or a DataArray, instead of [initial] (docs/starts.md); to resume takes the same one.
+    the checkpoint beside the file, and the file comes out with the bits of a run that was never stopped; without a checkpoint the
+    run starts afresh, and a finished one is left as it is. A run stops with a checkpoint after the step in which its
+    `max_walltime`, in seconds, is over, or somebody asks it to through `interruption`. `progress` is True for a bar (on a
+    terminal) or a line every ten seconds, on stderr, or a callable of the time and the end time.
 
-    Raises SceneError where the scene or an argument is wrong, OutputExistsError where the file exists and neither `overwrite` nor
-    `resume` is said, SolverStopped where a run cannot go on, RunUnfinished where `max_walltime` is over.
-    Tests: tests/interface/test_run_to_file.py.
+    `operator` is a collision law of one's own (docs/extending.md), which the file names. `initial` is a start of one's own,
+    f(x, v) as a callable or a DataArray, instead of [initial] (docs/starts.md). To resume takes the same ones.
+
+    Raises SceneError where the scene or an argument is wrong or another process writes the file, OutputExistsError where it
+    exists and neither `overwrite` nor `resume` is said, SolverStopped where a run cannot go on, RunUnfinished where it was
+    stopped.
+    Tests: tests/interface/test_run_to_file.py, tests/faults/.
     """
     path = Path(path)
     _check(scene, path, method, overwrite, resume, max_walltime)
     if initial is not None and not METHODS[method].starts:
         able = ", ".join(repr(name) for name, known in METHODS.items() if known.starts)
         raise SceneError(f"initial: method {method!r} starts from what [initial] says; allowed: an f(x, v) with method {able}")
-    with telling(progress) as told:
-        job = Job(scene, path, method, overwrite, resume, max_walltime, told, operator, initial)
+    asked = interruption if interruption is not None else Interruption()
+    with one_writer(path), telling(progress) as told:
+        job = Job(scene, path, method, overwrite, resume, max_walltime, told, operator, initial, asked)
         lines = METHODS[method].run(job)
     return Written(path, tuple(lines))
 
@@ -80,45 +86,21 @@ def _check(scene: Scene, path: Path, method: str, overwrite: bool, resume: bool,
 
 
 def _grid(job: Job) -> list[str]:
-    from kinetic_solver.plan import make_plan
-    from kinetic_solver.solver import integrate
+    from kinetic_solver.methods.grid import run
 
-    plan = make_plan(job.scene, job.operator, job.initial)
-    recorder = job.recorder(plan.output, plan.schedule, scene=recorded(job.scene, plan.start), notes=notes_of(plan.start))
-    with recording(recorder):
-        report = integrate(plan, recorder, job.progress)
-    recorder.close(report=report.attributes())
-    rtol = job.scene.accuracy.rtol
-    return [f"estimated error {report.error:.2g} of max f (accuracy.rtol = {rtol:g}); limited by {report.limited_by}"]
+    return run(job)
 
 
 def _exact(job: Job) -> list[str]:
-    from kinetic_solver import exact
+    from kinetic_solver.methods.exact import run
 
-    if job.operator is not None:
-        raise SceneError(f"operator {job.operator.label}: has no closed form; allowed with method 'exact': the scene's own")
-    grid, schedule = exact.points(job.scene), Schedule.of(job.scene, exact.VARIABLES)
-    recorder = job.recorder(grid, schedule, exact.VARIABLES)
-    with recording(recorder):
-        for time, frame in exact.frames(job.scene, grid, schedule):
-            recorder.record(time, frame)
-            if job.progress is not None and time > 0:
-                job.progress(time, job.scene.run.end_time)
-    recorder.close()
-    return []
+    return run(job)
 
 
 def _hydrodynamics(job: Job) -> list[str]:
-    from kinetic_solver import hydrodynamics
+    from kinetic_solver.methods.hydrodynamics import run
 
-    if job.operator is not None:
-        raise SceneError(f"operator {job.operator.label}: has no closure; allowed with method 'hydrodynamics': the scene's own")
-    plan = hydrodynamics.make_plan(job.scene)
-    recorder = job.recorder(plan.output, plan.schedule, hydrodynamics.variables(plan))
-    with recording(recorder):
-        report = hydrodynamics.integrate(plan, recorder, job.progress)
-    recorder.close(report=report)
-    return [f"{name.replace('_', ' ')}: {value}" for name, value in report.items()]
+    return run(job)
 
 
 def _particles(job: Job) -> list[str]:
@@ -130,6 +112,6 @@ def _particles(job: Job) -> list[str]:
 METHODS = {
     "grid": Method(_grid),
     "exact": Method(_exact, starts=False),
-    "hydrodynamics": Method(_hydrodynamics, starts=False),
-    "particles": Method(_particles, resumes=True),
+    "hydrodynamics": Method(_hydrodynamics, starts=False, resumes=False),
+    "particles": Method(_particles),
 }

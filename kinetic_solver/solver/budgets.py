@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.interpolate import make_interp_spline
@@ -82,6 +83,21 @@ class Ledger:
     def rewind(self, mark: Mark) -> None:
         del self._nodes[mark.nodes :]
         self._integral = mark.integral
+
+    def state(self) -> dict[str, Any]:
+        """All that changes as a run goes on, as a tree (dataset/trees.py)."""
+        return {
+            "nodes": list(self._nodes),
+            "booked": self._booked,
+            "integral": self._integral,
+            "dense": self._dense,
+            "initial": self.initial,
+            "brought": dict(self.brought),
+        }
+
+    def restore(self, state: dict[str, Any]) -> None:
+        self._nodes, self._booked, self._integral = list(state["nodes"]), state["booked"], state["integral"]
+        self._dense, self.initial, self.brought = state["dense"], state["initial"], dict(state["brought"])
 
     def _note(self, seen: Observation) -> None:
         place = self.frame.place(seen.clock)

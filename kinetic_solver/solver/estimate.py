@@ -61,6 +61,13 @@ class ErrorEstimate:
         self._parts["error_time"] = self._of_steps
         return {"error_estimate": self.total, **self._parts}
 
+    def state(self) -> tuple[float, dict[str, float]]:
+        """All that changes as a run goes on."""
+        return self._of_steps, dict(self._parts)
+
+    def restore(self, state: tuple[float, dict[str, float]]) -> None:
+        self._of_steps, self._parts = state[0], dict(state[1])
+
     @property
     def total(self) -> float:
         return sum(self._parts.values())

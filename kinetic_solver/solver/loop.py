@@ -28,12 +28,13 @@ from kinetic_solver.solver.estimate import ErrorEstimate
 from kinetic_solver.solver.monitor import Monitor, Problem, folds, free
 from kinetic_solver.solver.observation import Observation
 from kinetic_solver.solver.report import Report
-from kinetic_solver.solver.scheme import Scheme, assemble
+from kinetic_solver.solver.scheme import assemble
 from kinetic_solver.solver.writer import Writer
 from kinetic_solver.stepping import ExactSteps, Stalled, Step
 
 Progress = Callable[[float, float], None]
 """Called as progress(time, end time)."""
+AfterStep = Callable[["March"], None]
 
 CHECK_EVERY = 10
 """Steps of the quadrature path between two judgements of the monitor, and exact steps between two looks at whether a smaller grid
@@ -55,39 +56,53 @@ class March:
 
     now: Observation
     memory: Any
-    _behind: float
+    behind: float
     """How far exact steps that started again from time 0 have to go to where the run was."""
-    _errors: float
+    errors: float
     """The sum of the steps' estimated errors on this grid, and the shortest of these steps."""
-    _shortest: float
+    shortest: float
+    within: bool
+    """Whether a step of that interval has been taken: a run that is resumed then goes on within it."""
 
-    def __init__(self, plan: Plan, recorder: Recorder, progress: Progress | None = None) -> None:
-        self._progress = progress
+    def __init__(
+        self, plan: Plan, recorder: Recorder, progress: Progress | None = None, after_step: AfterStep | None = None
+    ) -> None:
+        """`after_step` is called after every step and every frame but the last, and may raise: solver/checkpoint.py."""
+        self._progress, self._after_step = progress, after_step or (lambda march: None)
         self.history = History(plan.grid)
         self.grids = [(0.0, plan.grid)]
         self.monitor = Monitor(plan)
         self.estimate = ErrorEstimate(plan)
         self.scheme = assemble(plan)
+        self.first_plan = plan
         self._restart()
         self.ledger = Ledger(self.now) if plan.scene.output.budgets is not False else None
         self.writer = Writer(plan, recorder, self.ledger)
         self.diagnostics: dict[str, float] = {}
         self.good = self._good()
-        self._steps = self._looks = 0
+        self.steps = self.looks = 0
         """Steps of error control within intervals, and looks for a smaller grid, so far."""
+        self.frame = -1
+        """The last that was written."""
+        self.began = 0.0
+        """The clock when the steppers' interval of the moment began."""
+        self.judged = False
+        """Whether the monitor has found the state of the moment to be good."""
 
     def go(self) -> Report:
         """All frames. Raises SceneError where the start itself cannot be held, SolverStopped where a run cannot go on."""
-        self._settle_the_start()
-        plan = self.scheme.plan
-        # The start is known on the output's grid. A step in the density is shown as it is, not as the solver can carry it.
-        known = plan.grid != plan.output or plan.reference_frame.moving or plan.scene.initial.step is not None
-        self._write(0, plan.start.distribution(plan.output.x, plan.output.v) if known else None)
-        for frame, (start, end) in enumerate(itertools.pairwise(plan.times.tolist()), 1):
-            for then in self._stops(start, end):
-                while self.now.clock < then:
-                    self._march_to(then)
-            self._write(frame)
+        if self.frame < 0:
+            self._settle_the_start()
+            plan = self.scheme.plan
+            # The start is known on the output's grid. A step in the density is shown as it is, not as the solver can carry it.
+            known = plan.grid != plan.output or plan.reference_frame.moving or plan.scene.initial.step is not None
+            self._write(0, plan.start.distribution(plan.output.x, plan.output.v) if known else None)
+        for frame, (start, end) in enumerate(itertools.pairwise(self.scheme.plan.times.tolist()), 1):
+            if frame > self.frame:
+                for then in self._stops(start, end):
+                    while self.now.clock < then:
+                        self._march_to(then)
+                self._write(frame)
         self._last_words()
         return self._report()
 
@@ -101,10 +116,11 @@ class March:
 
     def _march_to(self, end: float) -> None:
         """To the end of an interval that begins now, or to where the grid changes: then `now` is the good state reached."""
-        self.good = self._good()
-        start = self.now.clock
+        if not self.within:
+            self.good, self.began = self._good(), self.now.clock
+        start = self.began
         try:
-            if self._behind:
+            if self.behind:
                 self._catch_up()
             while self.now.clock < end:
                 taken = self.scheme.stepper.step(self.now.state, self.memory, start, end - start)
@@ -113,6 +129,8 @@ class March:
                     return self._enlarge(found)
                 if found is not None:
                     return self._install(found, carried=True)
+                self.within = self.now.clock < end
+                self._after_step(self)
         except (StepTooSmall, LostAccuracy) as error:
             what = "nx" if isinstance(error, LostAccuracy) else adaptation.suspect(self.now)
             text = f"{error}; raise accuracy.rtol, or refine grid.nx and grid.nv"
@@ -128,8 +146,8 @@ class March:
         f_within = None if within is None else lambda t: points(within(t - start))
         self.now = seen = Observation.of(self.scheme, clock, taken.state, last.clock, taken.error, f_within)
         self.memory = taken.memory
-        self._errors += taken.error
-        self._shortest = min(self._shortest, taken.length)
+        self.errors += taken.error
+        self.shortest = min(self.shortest, taken.length)
         self.monitor.finite(seen)
         if self.ledger is not None:
             self.ledger.step(seen)
@@ -137,13 +155,14 @@ class March:
         if self._progress is not None:
             self._progress(seen.time, seen.plan.scene.run.end_time)
         if clock < end and not self.scheme.exact:
-            self._steps += 1
-            if self._steps % (1 if folds(seen.plan) else CHECK_EVERY):
+            self.steps += 1
+            if self.steps % (1 if folds(seen.plan) else CHECK_EVERY):
+                self.judged = False
                 return None
         judgement = self.monitor.judge(seen, self.history.share)
         if judgement.problem is not None:
             return judgement.problem
-        self.diagnostics = judgement.diagnostics
+        self.diagnostics, self.judged = judgement.diagnostics, True
         return self._smaller() if clock < end else None
 
     def _stalled(self, found: Stalled) -> Problem | None:
@@ -164,8 +183,8 @@ class March:
         if self.scheme.exact:
             if not self.memory.begun:
                 return None
-            self._looks += 1
-            if self._looks % CHECK_EVERY != 1:
+            self.looks += 1
+            if self.looks % CHECK_EVERY != 1:
                 return None
         else:
             self.good = self._good()
@@ -184,7 +203,7 @@ class March:
                 self._enlarge(judgement.problem)
         except SolverStopped as stop:
             raise SceneError(str(stop)) from None
-        self.diagnostics = judgement.diagnostics
+        self.diagnostics, self.judged = judgement.diagnostics, True
 
     def _enlarge(self, problem: Problem) -> None:
         """Go back to the last good state with a larger grid, or stop where there is none to be had."""
@@ -208,7 +227,7 @@ class March:
                 self.ledger.start(self.now)
         elif isinstance(stepper, ExactSteps) and not carried:
             self._restart()
-            self._behind, self.now = good.clock, dataclasses.replace(good, state=self.now.state)
+            self.behind, self.now = good.clock, dataclasses.replace(good, state=self.now.state)
         else:
             state = representation.carried(good.state, old.plan.grid)
             if isinstance(stepper, ExactSteps) and isinstance(old.stepper, ExactSteps):
@@ -223,12 +242,12 @@ class March:
 
     def _begin(self, seen: Observation, memory: Any) -> None:
         self.now, self.memory = seen, memory
-        self._behind, self._errors, self._shortest = 0.0, 0.0, math.inf
+        self.behind, self.errors, self.shortest, self.within = 0.0, 0.0, math.inf, False
 
     def _catch_up(self) -> None:
         """From time 0 to where the run was; nothing is booked, for it was booked before."""
-        end, seen = self._behind, self.now
-        self._behind = 0.0
+        end, seen = self.behind, self.now
+        self.behind = 0.0
         while True:
             taken = self.scheme.stepper.step(seen.state, self.memory, 0.0, end)
             assert isinstance(taken, Step)
@@ -247,6 +266,9 @@ class March:
     def _write(self, frame: int, shown: np.ndarray | None = None) -> None:
         parts = self.estimate.parts(self.now, self.diagnostics)
         self.writer.write(frame, self.now, {**self.diagnostics, **parts}, shown)
+        self.frame = frame
+        if frame + 1 < len(self.scheme.plan.times):
+            self._after_step(self)
 
     def _between(self, start: float, end: float) -> str:
         place = self.scheme.plan.reference_frame.place
@@ -259,9 +281,9 @@ class March:
         if plan.stepping != "extrapolated" or plan.law is None:
             return
         if plan.symmetric:
-            shortest = self._shortest / _substeps(self.scheme)
+            shortest = self.shortest / self.scheme.stepper.method.counts[-1]  # type: ignore[attr-defined]
             choices.warn_of_an_unresolved_kernel(plan.scales, plan.grid, shortest, plan.drift_diffusion)
-        error = self._errors / float(np.abs(self.now.f).max())
+        error = self.errors / float(np.abs(self.now.f).max())
         if scene.grid.time_step is not None and error > scene.accuracy.rtol:
             warnings.warn(
                 f"grid.time_step = {scene.grid.time_step:g}: the steps' errors may add up to {error:.2g} of max f "
@@ -273,8 +295,3 @@ class March:
         place = self.scheme.plan.reference_frame.place
         grids = [f"t = {place(time).time:.4g}: {g.nx} × {g.nv} on [{g.low:.4g}, {g.high:.4g}]" for time, g in self.grids]
         return Report(self.estimate.total, self.estimate.limited_by(), "; ".join(grids))
-
-
-def _substeps(scheme: Scheme) -> int:
-    """Of the finest of the results that an extrapolated step combines."""
-    return int(scheme.stepper.method.counts[-1])  # type: ignore[attr-defined]

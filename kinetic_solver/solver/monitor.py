@@ -94,7 +94,8 @@ class Monitor:
     """
 
     def __init__(self, plan: Plan) -> None:
-        self._warned: dict[str, float] = {}
+        self.warned: dict[str, float] = {}
+        """Remedy → the largest loss that it was named for."""
         # Until noise has smoothed a step in the density, waves in x are as short as the grid can hold, by definition.
         self._smooth_from = float(plan.times[1]) if plan.inner.initial.step is not None else 0.0
 
@@ -179,8 +180,8 @@ class Monitor:
         if not loss.given:
             return Problem(loss.what, loss.value, _when(seen), text)
         remedy = loss.text.split(";")[1]
-        if loss.value > 10 * self._warned.get(remedy, 0.0):
-            self._warned[remedy] = loss.value
+        if loss.value > 10 * self.warned.get(remedy, 0.0):
+            self.warned[remedy] = loss.value
             warnings.warn(f"{_when(seen)}: {text}", stacklevel=2)
         return None
 

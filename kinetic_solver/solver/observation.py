@@ -6,6 +6,8 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import numpy as np
+
 from kinetic_solver.arrays import Array
 from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.plan import Plan
@@ -40,6 +42,7 @@ class Observation:
         error: float = 0.0,
         within: Callable[[float], Array] | None = None,
     ) -> Observation:
+        state = np.ascontiguousarray(state)  # as a checkpoint gives it back: the order of sums is that of the memory
         return cls(scheme, clock, state, scheme.representation.points(state), since, error, within)
 
     @property

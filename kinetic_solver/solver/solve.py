@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
 
 from kinetic_solver.dataset import MemoryRecorder, Recorder, law_attribute, recording
 from kinetic_solver.initial import Given, notes_of, recorded
 from kinetic_solver.laws import CollisionLaw
 from kinetic_solver.plan import Plan, make_plan
 from kinetic_solver.scene import Scene
-from kinetic_solver.solver.loop import March, Progress
+from kinetic_solver.solver import checkpoint
+from kinetic_solver.solver.loop import AfterStep, March, Progress
 from kinetic_solver.solver.report import Report
 from kinetic_solver.threads import one_blas_thread
 
@@ -40,7 +42,20 @@ def solve(
     return recorder.dataset()
 
 
-def integrate(plan: Plan, recorder: Recorder, progress: Progress | None = None) -> Report:
-    """Run the time loop and hand each frame to `recorder` as soon as it exists."""
+def integrate(
+    plan: Plan,
+    recorder: Recorder,
+    progress: Progress | None = None,
+    after_step: AfterStep | None = None,
+    state: Mapping[str, Any] | None = None,
+) -> Report:
+    """Run the time loop and hand each frame to `recorder` as soon as it exists.
+
+    With a `state` that `checkpoint.snapshot` took in `after_step` it goes on from there, with the bits of a run that was never
+    stopped, and the recorder is handed the frames after `state["frame"]`.
+    """
     with one_blas_thread():
-        return March(plan, recorder, progress).go()
+        march = March(plan, recorder, progress, after_step)
+        if state is not None:
+            checkpoint.restore(march, state)
+        return march.go()

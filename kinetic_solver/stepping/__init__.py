@@ -7,7 +7,7 @@ Two base methods, `strang` for collisions that have an exact substep and `lawson
 
 from kinetic_solver.stepping.controlled import Controlled, Fixed, Pace
 from kinetic_solver.stepping.drive import advance
-from kinetic_solver.stepping.exact_steps import Chain, ExactStep, ExactSteps, Plain
+from kinetic_solver.stepping.exact_steps import Chain, ExactStep, ExactSteps, Link, Plain
 from kinetic_solver.stepping.methods import Extrapolated, lawson, strang
 from kinetic_solver.stepping.protocol import BaseMethod, Rate, Stalled, Step, Stepper, Substep, count_of
 
@@ -19,6 +19,7 @@ __all__ = [
     "ExactSteps",
     "Extrapolated",
     "Fixed",
+    "Link",
     "Pace",
     "Plain",
     "Rate",

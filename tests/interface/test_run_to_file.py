@@ -99,8 +99,8 @@ def test_an_existing_file_is_kept_unless_it_may_be_replaced(make_scene: MakeScen
     ("arguments", "message"),
     [
         ({"method": "guess"}, "method = 'guess': unknown; allowed: 'grid', 'exact', 'hydrodynamics', 'particles'"),
-        ({"resume": True}, "resume: method 'grid' keeps no checkpoints, and starts afresh; allowed: with method 'particles'"),
-        ({"method": "exact", "max_walltime": 3}, "max_walltime: method 'exact' keeps no checkpoints, and starts afresh"),
+        ({"method": "hydrodynamics", "resume": True}, "resume: method 'hydrodynamics' keeps no checkpoints, and starts afresh"),
+        ({"method": "hydrodynamics", "max_walltime": 3}, "max_walltime: method 'hydrodynamics' keeps no checkpoints"),
         ({"method": "particles", "max_walltime": -2.5}, "max_walltime = -2.5: allowed: 0 or more seconds"),
         ({"method": "particles", "max_walltime": float("nan")}, "max_walltime = nan: allowed: 0 or more seconds"),
         ({"method": "particles", "resume": True, "overwrite": True}, "resume, overwrite: both are given"),
@@ -185,10 +185,10 @@ def test_particles_that_cannot_go_on_keep_their_frames(make_scene: MakeScene, mo
 
     advance = simulation.Simulation.advance_to
 
-    def fails(self: simulation.Simulation, time: float) -> None:
+    def fails(self: simulation.Simulation, time: float, after_step: simulation.AfterStep) -> None:
         if time > 0.7:
             raise SolverStopped("lost")
-        advance(self, time)
+        advance(self, time, after_step)
 
     monkeypatch.setattr(simulation.Simulation, "advance_to", fails)
     with pytest.raises(SolverStopped) as caught:
@@ -197,15 +197,17 @@ def test_particles_that_cannot_go_on_keep_their_frames(make_scene: MakeScene, mo
     assert caught.value.dataset.attrs["stopped"] == "lost"
 
 
-def test_a_run_that_is_stopped_early_is_resumed(make_scene: MakeScene, tmp_path: Path) -> None:
+@EVERY_METHOD
+def test_a_run_that_is_stopped_early_is_resumed(make_scene: MakeScene, tmp_path: Path, method: str) -> None:
     scene, path = make_scene(**SMALL), tmp_path / "a.nc"
     with pytest.raises(RunUnfinished, match="stopped at t = 0 after 0 s; resume it to go on"):
-        run_to_file(scene, path, "particles", max_walltime=0)
+        run_to_file(scene, path, method, max_walltime=0)
     with open_run(path) as left:
         assert left.attrs["stopped"] == "stopped at t = 0 after 0 s; resume it to go on"
-    run_to_file(scene, path, "particles", resume=True)
-    assert run_to_file(scene, path, "particles", resume=True).lines == ("it has finished already",)
-    expected = simulate(scene)
+    run_to_file(scene, path, method, resume=True)
+    assert run_to_file(scene, path, method, resume=True).lines == ("it has finished already",)
+    assert [file.name for file in tmp_path.iterdir()] == ["a.nc"]
+    expected = IN_MEMORY[method](scene)
     with open_run(path) as found:
         for name in expected.variables:
             assert np.array_equal(found[name].values, expected[name].values, equal_nan=True), name

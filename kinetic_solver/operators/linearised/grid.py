@@ -39,6 +39,8 @@ ROUND_OFF = float(np.finfo(float).eps)
 """Relative spacing of doubles, 2.2e-16."""
 TABLES = 8
 """Step lengths whose tables are kept. Frames at even times use one or two; at uneven times each brings its own."""
+GROWTHS = 2
+"""Mean densities whose linear steps are kept: that of a chain, and that of the chain's link before, apart by rounding."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +48,12 @@ class Lifted:
     """f, or in the global gauge F's periodic part up to a constant factor; (nx, nv)."""
 
     values: Array
-    is_global: bool
+    mean_density: float | None
+    """ρ̄, from which the global gauge takes its growth; None in the local gauge, which needs none."""
+
+    @property
+    def is_global(self) -> bool:
+        return self.mean_density is not None
 
 
 class GridLinearisedStep:
@@ -68,8 +75,7 @@ class GridLinearisedStep:
         self.drift_diffusion = drift_diffusion
         self.tolerance = tolerance
         self.density_defect = 0.0
-        self._mean_density = 0.0
-        self._growing: LinearStep | None = None
+        self._growing = Tables[LinearStep](GROWTHS)
         self._transform = RealTransform(grid.nx, grid.nv)
         self._tables = Tables[_LocalTable](TABLES)
         self._keep = resolved_waves(grid)
@@ -90,22 +96,18 @@ class GridLinearisedStep:
             raise LostAccuracy("f is not a distribution any more")
         phi = self.cross_section * self._potential(density)
         if ROUND_OFF * math.exp(min(float(np.ptp(phi)), 700.0)) > self.tolerance:
-            return Lifted(f, is_global=False)
-        if self._growing is None or not math.isclose(mean, self._mean_density, rel_tol=1e-12):
-            self._mean_density = mean
-            self._growing = LinearStep(self.grid, self.model, self.drift_diffusion, growth=self.cross_section * mean)
+            return Lifted(f, None)
         spectrum = self._transform.forward(f * np.exp(phi - phi.max())[:, None])
         spectrum *= self._keep[:, None]
-        return Lifted(self._transform.inverse(), is_global=True)
+        return Lifted(self._transform.inverse(), mean)
 
     def propagate(self, lifted: Lifted, h: float) -> Lifted:
         """After h; in the local gauge it may come back in the global one."""
         # Whatever goes wrong inside shows as a density that is not a positive number, which is looked for.
         with np.errstate(all="ignore"):
-            if lifted.is_global:
-                assert self._growing is not None
-                values = self._growing(lifted.values, h)
-                return Lifted(values / values.max(), is_global=True)
+            if lifted.mean_density is not None:
+                values = self._growing.get(lifted.mean_density, self._growing_at)(lifted.values, h)
+                return Lifted(values / values.max(), lifted.mean_density)
             table = self._tables.get(h, self._table)
             f = self._transported(lifted.values, table.outer) @ table.kernel_t
             f = self._transported(f, table.inner) @ table.kernel_t
@@ -114,14 +116,17 @@ class GridLinearisedStep:
 
     def lower(self, lifted: Lifted) -> Array:
         """f itself."""
-        if not lifted.is_global:
+        if lifted.mean_density is None:
             return lifted.values
-        s, mean, k = self.cross_section, self._mean_density, self.grid.wavenumbers
+        s, mean, k = self.cross_section, lifted.mean_density, self.grid.wavenumbers
         with np.errstate(all="ignore"):
             n = lifted.values.sum(axis=1) * self.grid.dv
             # E = W exp(Sρ̄x) times a constant, and E_x = S n exp(Sρ̄x)
             w = np.fft.irfft(s * np.fft.rfft(n) / (s * mean + 1j * k), n=self.grid.nx)
             return self._with_density(lifted.values, n, w, mean + derivative(np.log(w), k) / s)
+
+    def _growing_at(self, mean_density: float) -> LinearStep:
+        return LinearStep(self.grid, self.model, self.drift_diffusion, growth=self.cross_section * mean_density)
 
     def _potential(self, density: Array) -> Array:
         return np.fft.irfft(integral_spectrum(density, self.grid.wavenumbers), n=self.grid.nx)

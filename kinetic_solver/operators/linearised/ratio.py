@@ -24,7 +24,10 @@ from kinetic_solver.arrays import Array
 from kinetic_solver.errors import LostAccuracy
 from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.operators.fourier import derivative
+from kinetic_solver.operators.tables import Tables
 
+TABLES = 4
+"""Numbers of nodes whose tables are kept; densities that follow one another need the same number, or nearly."""
 THICKEST_CELL = 1e4
 """The largest Sρ dx, the number of mean free paths in a cell, that is stepped; it takes 312 nodes a cell."""
 
@@ -44,14 +47,13 @@ class GaugeRatio:
     def __init__(self, grid: PhaseSpaceGrid, cross_section: float) -> None:
         self.grid = grid
         self.cross_section = cross_section
-        self._nodes = _nodes(grid, 0)
+        self._tables = Tables[_Nodes](TABLES)
 
     def __call__(self, density: Array, n: Array) -> Array:
         thickness = self.cross_section * float(density.max()) * self.grid.dx
         _check(n.min() > 0 and bool(np.isfinite(n).all()) and thickness < THICKEST_CELL)
-        count = node_count(thickness)
-        if count > self._nodes.weights.size:
-            self._nodes = _nodes(self.grid, count)
+        # As many as this density needs, whatever came before: a run that was resumed has the bits of one that went through.
+        nodes = self._tables.get(node_count(thickness), lambda count: _nodes(self.grid, int(count)))
         # From below, so that nothing cancels: where η is least, it is n/ρ.
         eta = np.full_like(n, np.divide(n, density, where=density > 0, out=np.full_like(n, np.inf)).min())
         # With η = e(1 + δ), δ_x + Sρ'δ = S(n/e - ρ'), ρ' = ρ + (log e)_x/S, for any smooth e. A Fourier series of n has a
@@ -59,7 +61,7 @@ class GaugeRatio:
         # then nearly the new density, better resolved than n, and δ is small.
         for _ in range(2):
             e, moved = self._smooth(eta, density)
-            eta = e * (1 + self._decaying(moved, n / e - moved))
+            eta = e * (1 + self._decaying(moved, n / e - moved, nodes))
             _check(eta.min() > 0)
         return eta
 
@@ -70,9 +72,9 @@ class GaugeRatio:
         log_e = np.fft.irfft(spectrum, n=self.grid.nx)
         return np.exp(log_e), density + derivative(log_e, self.grid.wavenumbers) / self.cross_section
 
-    def _decaying(self, density: Array, source: Array) -> Array:
+    def _decaying(self, density: Array, source: Array, nodes: _Nodes) -> Array:
         """The periodic solution y of y_x + Sρy = S·source."""
-        s, nx, nodes = self.cross_section, self.grid.nx, self._nodes
+        s, nx = self.cross_section, self.grid.nx
         rho = np.fft.rfft(density)
         weight = np.exp(-s * np.fft.irfft(rho * nodes.ahead, n=nx))
         gain = (s * nodes.weights @ (weight * np.fft.irfft(np.fft.rfft(source) * nodes.back, n=nx))).tolist()
@@ -108,7 +110,7 @@ class _Nodes:
 
 
 def _nodes(grid: PhaseSpaceGrid, count: int) -> _Nodes:
-    points, weights = roots_legendre(count) if count else (np.empty(0), np.empty(0))
+    points, weights = roots_legendre(count)
     distance = np.append(grid.dx * (1 - points) / 2, grid.dx)
     phase = np.outer(distance, grid.wavenumbers)
     # [1 - exp(-ikr)]/ik, without the difference

@@ -53,7 +53,7 @@ def test_stopped_and_resumed(tmp_path: Path) -> None:
         assert part.sizes["time"] == 1
     assert (tmp_path / "out.nc.checkpoint").exists()
     again = run(tmp_path, "-o", "out.nc", "--resume", "--max-walltime", "0")
-    assert "stopped at t = 0.25" in again.stderr
+    assert "stopped at t = 0 after 0 s" in again.stderr  # one step later, within the first interval
     changed = run(tmp_path, "-o", "out.nc", "--resume", "--set", "particles.seed=6")
     assert changed.returncode == 2
     assert "is of another scene (particles.seed differ)" in changed.stderr
@@ -124,7 +124,7 @@ def test_a_damaged_scene_is_said(stopped: Path) -> None:
 def test_a_file_that_lost_its_end_is_not_continued(stopped: Path) -> None:
     whole = stopped.read_bytes()
     stopped.write_bytes(whole[: len(whole) // 2])
-    assert "has lost what was written before the checkpoint; allowed: to overwrite it" in refusal(stopped)
+    assert "out.nc: is cut short: it has " in refusal(stopped)
 
 
 def test_a_file_of_another_method_is_not_continued(tmp_path: Path) -> None:

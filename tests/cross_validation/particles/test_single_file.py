@@ -311,7 +311,9 @@ def ages(samples, longest, probability, k0, k1):  # type: ignore[no-untyped-def]
         x[:], v[:], age, collisions = 5e8, 0.0, 0, 0
         while collisions == 0 and age <= longest:
             number = 2 * (sample * (longest + 1) + age)
-            _, collisions, _ = leaders(x, v, first, 1e9, probability, (1.0,), False, 1.0, 1, noise, noise, number, k0, k1, 100.0)
+            _, collisions, _ = leaders(
+                x, v, first, 1e9, probability, (1.0,), False, 1.0, 1, noise, noise, number, k0, k1, 100.0, 0, 1
+            )
             age += 1
         found[sample] = age
     return found

@@ -1,0 +1,67 @@
+"""What is asked of a run from outside while it goes, and who answers: after every step."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from time import monotonic
+from typing import Any
+
+from kinetic_solver.dataset import Checkpoint
+from kinetic_solver.errors import RunUnfinished
+
+SHARE = 20
+"""At least so many times as long as it took to write the last checkpoint lie between two: they take a twentieth of a run's time
+at most."""
+
+
+@dataclass
+class Interruption:
+    """Set by a signal handler or another thread; a run looks at it after every step."""
+
+    stop: str | None = None
+    """Who wants the run to stop with a checkpoint: the name of a signal, say."""
+    keep: bool = False
+    """Whether it is to write a checkpoint and go on."""
+    answer: Callable[[str], None] = lambda text: None
+    """Is told, in a line, of a checkpoint that was asked for."""
+    heeded: bool = False
+    """True while a run looks here: from its first step to its last."""
+
+
+class Keeper:
+    """Keeps the checkpoints of a run, and stops it where its time is over or somebody wants it."""
+
+    def __init__(self, checkpoint: Checkpoint, max_walltime: float | None, interruption: Interruption, began: float) -> None:
+        """`began`: the monotonic clock when the run began, from which `max_walltime` counts, in seconds."""
+        self._checkpoint, self._max_walltime, self._interruption, self._began = checkpoint, max_walltime, interruption, began
+        self._last, self._took = began, 0.0
+
+    def look(self, time: float, state: Callable[[], Any | None]) -> None:
+        """After a step to this time. `state` makes the tree that a checkpoint holds, or None where the next step is to be asked.
+
+        Raises RunUnfinished, the checkpoint written.
+        """
+        asked, now = self._interruption, monotonic()
+        asked.heeded = True
+        late = self._max_walltime is not None and now - self._began > self._max_walltime
+        stop = late or asked.stop is not None
+        if not (stop or asked.keep or now - self._last >= SHARE * self._took):
+            return
+        found = state()
+        if found is None:
+            return
+        self._checkpoint.save(time, found)
+        self._last = monotonic()
+        self._took = self._last - now
+        if asked.keep:
+            asked.keep = False
+            asked.answer(f"checkpoint written at t = {time:g}")
+        if stop:
+            reason = f"by {asked.stop}" if asked.stop is not None else f"after {self._max_walltime:g} s"
+            raise RunUnfinished(f"stopped at t = {time:g} {reason}; resume it to go on", asked.stop)
+
+    def finish(self) -> None:
+        """The run has come to its end, and its file is complete."""
+        self._interruption.heeded = False
+        self._checkpoint.remove()
