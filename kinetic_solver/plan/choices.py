@@ -187,6 +187,19 @@ def cheapest_exact_step(scales: Scales, waves: Waves, width: float) -> float:
     return best[1]
 
 
+def warn_of_waves_left_out(scales: Scales, waves: Waves) -> None:
+    """Where a given nx leaves out waves of a smooth start, and nothing couples them: with collisions the monitor looks."""
+    nx = scales.scene.grid.nx
+    if nx is None or scales.start.band_limited or scales.scene.initial.step is not None or scales.scene.operator is not None:
+        return
+    if (lost := waves.beyond(nx)) > scales.rtol:
+        warnings.warn(
+            f"grid.nx = {nx}: leaves out waves of the start that carry {lost:.2g} of it (accuracy.rtol = {scales.rtol:g}); raise "
+            "it, or leave it out",
+            stacklevel=3,
+        )
+
+
 def warn_of_a_long_strang_step(scales: Scales, waves: Waves) -> None:
     """A given step is kept as given."""
     h = scales.scene.grid.time_step

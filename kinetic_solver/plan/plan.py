@@ -178,6 +178,7 @@ def _make_plan(scene: Scene, known: Mapping[str, str], law: CollisionLaw | None,
             velocity, nv, chosen["nv"] = "hermite", int(functions.value), functions.reason
     points = Criterion(inner.grid.nx, "") if inner.grid.nx else in_x.points(scales, waves)
     chosen["nx"] = chosen.get("nx", points.reason)
+    choices.warn_of_waves_left_out(scales, waves)
     grid = PhaseSpaceGrid(int(points.value), nv, inner.pipe.length, low, high)
     shortest = 0.0
     if stepping == "exact" and velocity == "points" and drift_diffusion == "kernel":

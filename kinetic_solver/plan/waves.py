@@ -84,6 +84,10 @@ class Waves:
         """The highest mode whose relative amplitude counts."""
         return int(np.flatnonzero(amplitude > self.scales.rtol / DROPPED)[-1])
 
+    def beyond(self, nx: int) -> float:
+        """The largest relative amplitude of the start's waves that nx points do not hold."""
+        return float(self.amplitudes[nx // 2 + 1 :].max(initial=0.0))
+
     @functools.cached_property
     def step_modes(self) -> int:
         """Modes of a density step that noise has not damped away by the first time after the start at which anything is written.

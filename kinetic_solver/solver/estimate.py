@@ -85,7 +85,7 @@ def _of_x(seen: Observation, diagnostics: dict[str, float]) -> float:
         if seen.plan.scales.start.band_limited:
             return 0.0  # waves do not couple, and those of the start are all there
         if seen.plan.inner.initial.step is None:
-            return float(seen.plan.waves.amplitudes[seen.grid.nx // 2 + 1 :].max(initial=0.0))
+            return seen.plan.waves.beyond(seen.grid.nx)
         return float(relative_amplitudes(seen.f)[-1])
     return max(diagnostics["spectral_tail"], diagnostics["density_defect"])
 

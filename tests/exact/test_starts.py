@@ -11,6 +11,7 @@ import pytest
 from scipy.integrate import quad
 
 from kinetic_solver import Scene, exact, initial, solve
+from kinetic_solver.analysis.describe import describe
 from kinetic_solver.exact import Solution
 from kinetic_solver.plan import make_plan
 from kinetic_solver.theory.ornstein_uhlenbeck import transition
@@ -175,3 +176,20 @@ def test_one_beam_is_the_maxwellian(make_scene: MakeScene) -> None:
     beam = {"share": 1.0, "mean_velocity": 0.3, "temperature": 0.4}
     one, other = make_scene(initial={"beams": [beam]}), make_scene(initial={"mean_velocity": 0.3, "temperature": 0.4})
     assert np.array_equal(solve(one)["f"], solve(other)["f"])
+
+
+def test_a_given_nx_that_leaves_out_waves_of_a_pulse(make_scene: MakeScene) -> None:
+    """Warned of, and the estimated error is about the error: what is left out."""
+    scene = make_scene(initial=STARTS["pulse"], grid={"nx": 11}, run={"end_time": 0.1})
+    with pytest.warns(UserWarning, match=r"grid\.nx = 11: leaves out waves of the start that carry 0\.0"):
+        run = solve(scene)
+    truth = exact.solve(scene, x=run["x"], v=run["v"])
+    error = float(abs(run["f"] - truth["f"]).isel(time=-1).max() / truth["f"].isel(time=-1).max())
+    assert error / 8 < float(run["error_estimate"][-1]) < 8 * error
+    assert run["mass"].values == pytest.approx(0.8 * 9.0, rel=1e-5)
+
+
+def test_in_words(make_scene: MakeScene) -> None:
+    rows = dict(dict(describe(make_scene(initial=STARTS["both"]), on_the_grid=False))["Start"])
+    assert rows["beam, 0.35 of all"] == "mean velocity -1.7, temperature 0.2"
+    assert rows["pulse"] == "at 0.9 L, standard deviation 0.06 L, height 2.5 times the background"

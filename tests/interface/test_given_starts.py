@@ -11,6 +11,7 @@ import pytest
 import xarray as xr
 
 from kinetic_solver import Scene, SceneError, exact, initial, run_to_file, solve
+from kinetic_solver.errors import RunUnfinished
 from kinetic_solver.plan import make_plan
 from particles import simulate
 
@@ -150,6 +151,19 @@ def test_what_a_dataset_says_of_it(make_scene: MakeScene, tmp_path: Path) -> Non
         assert np.array_equal(run["density"], in_memory["density"])
     with pytest.raises(SceneError, match=r"initial: method 'exact' starts from what \[initial\] says"):
         run_to_file(bare(scene), tmp_path / "exact.nc", "exact", initial=f)
+
+
+def test_particles_resume_from_the_same_start(make_scene: MakeScene, tmp_path: Path) -> None:
+    follow = make_scene(collisions=FOLLOW, initial=START, run={"end_time": 0.4, "output_every": 0.1}, particles={"count": 800})
+    scene, f = bare(follow), function_of(follow)
+    whole = simulate(scene, initial=f)
+    path = tmp_path / "run.nc"
+    with pytest.raises(RunUnfinished):
+        run_to_file(scene, path, "particles", max_walltime=0, initial=f)
+    run_to_file(scene, path, "particles", resume=True, initial=f)
+    with xr.open_dataset(path) as run:
+        assert np.array_equal(run["density"], whole["density"])
+        assert run.attrs["initial"] == whole.attrs["initial"]
 
 
 def gaussian(x: np.ndarray, v: np.ndarray) -> np.ndarray:
