@@ -1,4 +1,4 @@
-"""A full disk: one line, exit code 1, what was written can be read and gone on from. A limit on the size of files stands for it."""
+"""A full disk: one line, exit code 1, what was written can be read and gone on from. Here a limit on file sizes stands for it."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ nv = 64
 [accuracy]
 rtol = 1e-2
 [particles]
-count = 100
+count = 1000
 replicas = 2
 """
 LIMITED = """
