@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from kinetic_solver.machine import keep_compiled_code
+
 if TYPE_CHECKING:
     from kinetic_solver import compare, exact, hydrodynamics, stability
     from kinetic_solver.analysis.certification import certify
@@ -52,6 +54,8 @@ _HOME = {
     "solve": "solver",
 }
 _PACKAGES = ("compare", "exact", "hydrodynamics", "stability")
+
+keep_compiled_code()
 
 
 def __getattr__(name: str) -> Any:

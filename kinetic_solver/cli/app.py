@@ -35,10 +35,15 @@ Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace an existin
 
 def main() -> None:
     """Entry point: errors become one line on stderr and an exit code."""
+    import os
     import signal
 
     warnings.showwarning = show_warning  # type: ignore[assignment]
     signal.signal(signal.SIGTERM, _interrupt)
+    os.environ["MPLBACKEND"] = "agg"  # pictures are files here, whatever else the environment says
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="replace")  # what a terminal cannot show is no reason to fail
     try:
         code = typer.main.get_command(app)(standalone_mode=False)
     except (typer.Abort, KeyboardInterrupt):
@@ -51,6 +56,10 @@ def main() -> None:
         message = error.format_message()
         print(message if "Usage:" in message else f"error: {' '.join(message.split())}", file=sys.stderr)
         code = WRONG
+    try:
+        sys.stdout.flush()
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # so that the interpreter, at its end, can flush
     sys.exit(code)
 
 
@@ -82,6 +91,8 @@ def exit_codes(another_name: str = "name another file with -o") -> Iterator[None
         raise _fail(f"{error.path}: exists already; use --overwrite to replace it, or {another_name}", WRONG) from None
     except SceneError as error:
         raise _fail(error, WRONG) from None
+    except BrokenPipeError:
+        raise typer.Exit(0) from None  # whoever reads has had enough
     except (KineticError, RuntimeError, MemoryError, OSError) as error:
         raise _fail(error, FAILED) from None
 
@@ -98,12 +109,19 @@ def load(path: Path, overrides: list[str] | None) -> Scene:
     return Scene.from_toml(path, dict(parse_override(text) for text in overrides or ()))
 
 
-def refuse_picture(output: Path | None) -> None:
-    """Raises SceneError where `-o` names the picture, whose name follows from the dataset's."""
+PICTURES = (".png", ".pdf", ".svg", ".jpg", ".jpeg", ".ps", ".eps", ".tif", ".tiff", ".webp")
+
+
+def refuse_picture(output: Path | None, *read: Path | None) -> None:
+    """Raises SceneError where `-o` names a picture, whose name follows from the dataset's, or a file that is read."""
     from kinetic_solver.errors import SceneError
 
-    if output is not None and output.suffix == ".png":
-        raise SceneError(f"-o {output}: is for the dataset; allowed: a name that does not end in .png (the picture has that)")
+    if output is None:
+        return
+    if (ending := output.suffix.lower()) in PICTURES:
+        raise SceneError(f"-o {output}: is for the dataset; allowed: a name that does not end in {ending} (pictures have that)")
+    if any(path is not None and output.resolve() == path.resolve() for path in read):
+        raise SceneError(f"-o {output}: is a file that this command reads; allowed: another name")
 
 
 def _version(wanted: bool) -> None:

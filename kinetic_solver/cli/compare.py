@@ -27,9 +27,7 @@ def compare(
 
         if not 0 < level < 1:
             raise SceneError(f"--level {level:g}: allowed: between 0 and 1")
-        refuse_picture(output)
-        if output is not None and output.resolve() in (first.resolve(), second.resolve()):
-            raise SceneError(f"-o {output}: is one of the files to compare; name another")
+        refuse_picture(output, first, second)
         if output is not None:
             refuse_existing(output, overwrite)
         found = lay_over(first, second, level, time)

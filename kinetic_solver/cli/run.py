@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from kinetic_solver.cli.app import Overrides, Overwrite, ScenePath, exit_codes, load
+from kinetic_solver.cli.app import Overrides, Overwrite, ScenePath, exit_codes, load, refuse_picture
 
 if TYPE_CHECKING:
     from kinetic_solver.scene import Scene
@@ -32,6 +32,7 @@ def run(
         from kinetic_solver.errors import SceneError
         from kinetic_solver.methods import METHODS, Interruption, run_to_file
 
+        refuse_picture(output, scene)
         loaded = load(scene, overrides)
         target = output or Path(scene.stem + ".nc")
         if certified and method != "grid" and method in METHODS:

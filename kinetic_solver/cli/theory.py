@@ -29,7 +29,7 @@ def stability(
 
         if scene is None and not figure:
             raise SceneError("stability: nothing to do; allowed: a scene, a run's file, or --figure for Fig. 1 of the paper")
-        refuse_picture(output)
+        refuse_picture(output, scene)
         if scene is None:
             _figure_1(output or Path("figure_1.nc"), overwrite)
             return

@@ -11,7 +11,7 @@ from pydantic import ValidationError
 
 from kinetic_solver.dataset.header import needed_bytes
 from kinetic_solver.dataset.schema import STOPPED
-from kinetic_solver.errors import OutputExistsError, SceneError
+from kinetic_solver.errors import OutputExistsError, OutputFailed, SceneError
 from kinetic_solver.scene import Scene, one_line
 
 if TYPE_CHECKING:
@@ -47,7 +47,9 @@ def open_run(path: str | Path) -> xr.Dataset:
             if frames == 0:
                 raise SceneError(f"{path}: has no frame yet; allowed: a run that has written one")
             if frames < dataset.sizes["time"]:
+                source = dataset.encoding.get("source")
                 dataset = dataset.isel(time=slice(0, frames))
+                dataset.encoding["source"] = source
     except SceneError:
         dataset.close()
         raise
@@ -64,8 +66,12 @@ def _check_length(path: Path) -> None:
         raise SceneError(f"{path}: is cut short: it has {there} of the {needed} bytes that its header speaks of")
 
 
-def scene_of(dataset: xr.Dataset, source: str | Path = "dataset") -> Scene:
-    """The scene of a run's dataset. Raises SceneError, which begins with `source`, where it has none or a damaged one."""
+def scene_of(dataset: xr.Dataset, source: str | Path | None = None) -> Scene:
+    """The scene of a run's dataset.
+
+    Raises SceneError, which begins with `source` (the file's name, where there is one), where it has none or a damaged one.
+    """
+    source = source or Path(dataset.encoding.get("source", "dataset")).name
     if "scene" not in dataset.attrs:
         raise _no_scene(source)
     try:
@@ -90,7 +96,14 @@ def refuse_law(dataset: xr.Dataset) -> None:
 
 
 def refuse_existing(path: str | Path, overwrite: bool = False) -> None:
-    """Raises OutputExistsError where the file exists and may not be replaced."""
+    """Raises OutputExistsError where the file exists and may not be replaced, SceneError where a file cannot have its name."""
+    try:
+        str(path).encode()
+    except UnicodeEncodeError:
+        shown = str(path).encode(errors="replace").decode()
+        raise SceneError(f"{shown}: is no name of a file to write; allowed: one in UTF-8") from None
+    if Path(path).is_dir():
+        raise SceneError(f"{path}: is a folder; allowed: the name of a file")
     if Path(path).exists() and not overwrite:
         error = OutputExistsError(f"{path}: exists already; allowed: another name, or to overwrite it")
         error.path = Path(path)
@@ -138,15 +151,22 @@ def mark_as_stopped(path: Path, reason: str) -> None:
 
 
 def write_dataset(dataset: xr.Dataset, path: str | Path, overwrite: bool = False) -> None:
-    """Write a whole dataset in the format of `NetCDFRecorder`, through a temporary file: all of it or nothing."""
+    """Write a whole dataset in the format of `NetCDFRecorder`, through a temporary file: all of it or nothing.
+
+    Raises SceneError where the file cannot be created, OutputFailed where there is no room for it.
+    """
     path = Path(path)
     refuse_existing(path, overwrite)
     part = path.with_name(path.name + ".part")
     try:
+        part.touch()
+    except OSError as error:
+        raise SceneError(f"{path}: cannot be created ({error.strerror})") from None
+    try:
         growing = [name for name in ("time",) if name in dataset.dims]
         dataset.to_netcdf(part, format="NETCDF3_64BIT_DATA", engine="netcdf4", unlimited_dims=growing)  # type: ignore[call-overload]
         part.replace(path)
-    except OSError as error:
-        raise SceneError(f"{path}: cannot be created ({error.strerror})") from None
+    except (OSError, RuntimeError) as error:
+        raise OutputFailed(f"{path}: cannot be written ({getattr(error, 'strerror', None) or error})") from None
     finally:
         part.unlink(missing_ok=True)

@@ -30,7 +30,7 @@ def attributes(scene: Scene, method: str) -> dict[str, str | float]:
         "scene": scene.model_dump_json(by_alias=True, exclude_none=True),
         "source": f"kinetic-solver {version()}",
         "version": version(),
-        "command": " ".join([Path(sys.argv[0]).name, *sys.argv[1:]]),
+        "command": " ".join([Path(sys.argv[0]).name, *sys.argv[1:]]).encode(errors="replace").decode(),
         "seed": scene.particles.seed,
         "packages": json.dumps({name: _version(name) for name in PACKAGES}),
         "created": datetime.now(UTC).isoformat(timespec="seconds"),

@@ -15,10 +15,14 @@ from kinetic_solver.dataset import Frame, MemoryRecorder, Variables, schema
 from kinetic_solver.errors import SceneError
 from kinetic_solver.exact.solution import Solution
 from kinetic_solver.grid import PhaseSpaceGrid
+from kinetic_solver.machine import too_large
 from kinetic_solver.scene import Scene, Schedule
 
 if TYPE_CHECKING:
     import xarray as xr
+
+ARRAYS = 6
+"""Of the size of f, alive at once while a frame is made and written. Counted, generously."""
 
 VARIABLES: Variables = {
     "f": schema.VARIABLES["f"],
@@ -91,6 +95,8 @@ def _grid(scene: Scene, x: ArrayLike | None, v: ArrayLike | None) -> PhaseSpaceG
         low, high = float(velocities[0] - half), float(velocities[-1] + half)
     else:
         low, high = scene.grid.velocity_window or _window(scene)
+    if (why := too_large(8 * ARRAYS * nx * nv)) is not None:
+        raise SceneError(f"grid: nx = {nx}, nv = {nv} {why}; reduce nx or nv")
     grid = PhaseSpaceGrid(nx, nv, scene.pipe.length, low, high)
     for name, given, wanted in (("x", x, grid.x), ("v", v, grid.v)):
         if given is not None and not np.allclose(given, wanted, rtol=1e-9, atol=1e-9 * (wanted[-1] - wanted[0])):

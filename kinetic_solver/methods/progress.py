@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from time import monotonic
 from typing import TypeAlias
 
@@ -50,6 +50,7 @@ def _lines() -> Progress:
         if now - spoken >= SECONDS_BETWEEN_LINES or time == end:
             spoken = now
             left = (now - began) / time * (end - time)
-            print(f"t = {time:.6g} of {end:g}, {left:.0f} s left", file=sys.stderr)
+            with suppress(OSError):  # nobody reads any more: no reason to stop a run
+                print(f"t = {time:.6g} of {end:g}, {left:.0f} s left", file=sys.stderr)
 
     return line

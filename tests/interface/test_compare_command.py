@@ -143,5 +143,5 @@ def test_an_input_is_not_replaced(command: Command, folder: Path) -> None:
     before = (folder / RIGHT).read_bytes()
     done = command("compare", RIGHT, "particles.nc", "-o", RIGHT, "--overwrite", folder=folder)
     assert done.returncode == 2
-    assert "is one of the files to compare; name another" in done.stderr
+    assert "is a file that this command reads; allowed: another name" in done.stderr
     assert (folder / RIGHT).read_bytes() == before

@@ -197,7 +197,7 @@ def test_particles_that_cannot_go_on_keep_their_frames(make_scene: MakeScene, mo
     assert caught.value.dataset.attrs["stopped"] == "lost"
 
 
-@EVERY_METHOD
+@pytest.mark.parametrize("method", [name for name, method in METHODS.items() if method.resumes])
 def test_a_run_that_is_stopped_early_is_resumed(make_scene: MakeScene, tmp_path: Path, method: str) -> None:
     scene, path = make_scene(**SMALL), tmp_path / "a.nc"
     with pytest.raises(RunUnfinished, match="stopped at t = 0 after 0 s; resume it to go on"):
