@@ -12,6 +12,7 @@ import sys
 
 NAMES = (
     "collision_operator",
+    "own_laws",
     "linear_step",
     "work_precision",
     "time_steppers",

@@ -18,6 +18,7 @@ from scipy.optimize import root
 
 from kinetic_solver import CollisionLaw, PairLaw, Scene, SceneError, run_to_file, solve
 from kinetic_solver.compare import compare
+from kinetic_solver.errors import RunUnfinished
 from kinetic_solver.laws import Inelastic
 from kinetic_solver.scene import Accuracy
 from particles import simulate
@@ -149,6 +150,26 @@ def test_operator_12_through_the_public_door(make_scene: MakeScene) -> None:
     found = solve(outside, operator=law)
     fine = solve(inside.model_copy(update={"accuracy": type(inside.accuracy)(rtol=1e-6)}))
     assert float(found["energy"][-1]) == pytest.approx(float(fine["energy"][-1]), rel=1e-4)
+
+
+@pytest.mark.parametrize("method", ["grid", "particles"])
+def test_a_run_goes_on_with_its_own_law_only(make_scene: MakeScene, tmp_path: Path, method: str) -> None:
+    """Name and parameters are compared, of a run that was stopped and of one that has ended."""
+    scene = make_scene(
+        grid={"nx": 9, "nv": 32}, accuracy={"rtol": 1e-2}, particles={"count": 200}, run={"end_time": 1.0, "output_every": 0.5}
+    )
+    law, path = Twelve(0.9, 0.6), tmp_path / "a.nc"
+    with pytest.raises(RunUnfinished):
+        run_to_file(scene, path, method, max_walltime=0, operator=law)
+    for other, name in ((Twelve(0.9, 0.7), r".*Twelve.*0\.7"), (None, "what the scene says")):
+        with pytest.raises(SceneError, match=rf"is of law = .*0\.6.*, this run of {name}"):
+            run_to_file(scene, path, method, resume=True, operator=other)
+    run_to_file(scene, path, method, resume=True, operator=law)
+    with pytest.raises(SceneError, match=r"is of law = .*0\.6"):
+        run_to_file(scene, path, method, resume=True, operator=Twelve(0.9, 0.7))
+    run_to_file(scene, tmp_path / "b.nc", method, operator=law)
+    with xr.open_dataset(path) as found, xr.open_dataset(tmp_path / "b.nc") as expected:
+        assert found.drop_attrs().identical(expected.drop_attrs())
 
 
 class Leaky(CollisionLaw):
