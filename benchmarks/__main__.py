@@ -22,6 +22,7 @@ NAMES = (
     "hard_cases",
     "linear_theory",
     "hydrodynamics",
+    "heat_flux",
     "particles_speed",
     "time_to_accuracy",
 )
