@@ -23,6 +23,7 @@ NAMES = (
     "linear_theory",
     "hydrodynamics",
     "heat_flux",
+    "descriptions",
     "particles_speed",
     "time_to_accuracy",
 )

@@ -33,8 +33,8 @@ POINTS = 128
 CLOSURE_REFINED = 4
 """Times as many points for the closure, whose fronts are sharp. On 257, 513, 1025, 1537 points it runs away at γt = 5.996, 5.995,
 5.932, 5.909: before the next frame after 5.9."""
-BINS = 64
-"""Of the particles' density."""
+PARTICLE_POINTS = 64
+"""Of the particles' density, of which waves up to 31 are kept (docs/particles.md)."""
 COUNTS = (10_000, 1_000_000)
 """Particles."""
 LIGHT, DARK = 0.6, 1.5
@@ -63,7 +63,7 @@ def closure_scene(seed: int = 1) -> Scene:
 def descriptions(scene: Scene, say: Say | None = None) -> xr.Dataset:
     """The scene's density over its mean by each description, at the frames of the run.
 
-    `closure`, `moments`, `kinetic` over (time, x); `particles` over (time, count, bin). Attributes: `closure_stops`, the last
+    `closure`, `moments`, `kinetic` over (time, x); `particles` over (time, count, point). Attributes: `closure_stops`, the last
     frame before the closure ran away, after which it is NaN (the end of the run if it did not), and `hierarchy_moments`. `say`
     is told what comes next. Raises SolverStopped where any other description stops.
     """
@@ -87,18 +87,18 @@ def descriptions(scene: Scene, say: Say | None = None) -> xr.Dataset:
     ensembles = []
     for count in COUNTS:
         next_is(f"{count} particles")
-        changed = _changed(scene, grid={"nx": BINS}, particles={"count": count, "seed": scene.particles.seed})
+        changed = _changed(scene, grid={"nx": PARTICLE_POINTS}, particles={"count": count, "seed": scene.particles.seed})
         ensembles.append(simulate(changed)["density"].values / mean)
     relative = {"long_name": "density over its mean", "units": "1"}
     data = {
         "closure": (("time", "x"), closure / mean, relative),
         "moments": (("time", "x"), moments["density"].values / mean, relative),
         "kinetic": (("time", "x"), kinetic["density"].values / mean, relative),
-        "particles": (("time", "count", "bin"), np.stack(ensembles, axis=1), relative),
+        "particles": (("time", "count", "point"), np.stack(ensembles, axis=1), relative),
     }
     place = scene.pipe.length * np.arange(POINTS) / POINTS
-    centres = scene.pipe.length * (np.arange(BINS) + 0.5) / BINS
-    coordinates = {"time": times, "x": place, "bin": centres, "count": np.array(COUNTS)}
+    points = scene.pipe.length * np.arange(PARTICLE_POINTS) / PARTICLE_POINTS
+    coordinates = {"time": times, "x": place, "point": points, "count": np.array(COUNTS)}
     about = {**attributes(scene, "comparison"), "closure_stops": stops, "hierarchy_moments": MOMENTS}
     return xr.Dataset(data, coordinates, about)
 
@@ -147,12 +147,12 @@ def closure_summary(dataset: xr.Dataset) -> list[str]:
 
 def _panels(dataset: xr.Dataset) -> list[tuple[str, Array, Array]]:
     """(name, density over its mean (time, place), places)."""
-    x, bins = dataset["x"].values, dataset["bin"].values
+    x, points = dataset["x"].values, dataset["point"].values
     names = ("The paper's closure: 3 moments", f"{dataset.attrs['hierarchy_moments']} moments", "The kinetic equation (2)")
     fields = ("closure", "moments", "kinetic")
     found = [(name, dataset[field].values, x) for name, field in zip(names, fields, strict=True)]
     for count in dataset["count"].values:
-        found.append((f"{_grouped(int(count))} particles", dataset["particles"].sel(count=count).values, bins))
+        found.append((f"{_grouped(int(count))} particles", dataset["particles"].sel(count=count).values, points))
     return found
 
 
@@ -164,33 +164,34 @@ def _grouped(count: int) -> str:
 def closure_figure(dataset: xr.Dataset) -> Figure:
     """Panels of the density over (t, x), one colour scale, and in the last the contrast of each over time."""
     scene, times = scene_of(dataset), dataset["time"].values
-    figure = Figure(figsize=(12, 6.9), layout=ConstrainedLayoutEngine(w_pad=0.06, h_pad=0.06, hspace=0.03, wspace=0.02))
+    figure = Figure(figsize=(9.6, 5.7), layout=ConstrainedLayoutEngine(w_pad=0.06, h_pad=0.06, hspace=0.03, wspace=0.02))
     axes = figure.subplots(2, 3)
     panels = _panels(dataset)
     mesh = None
     for place, (name, density, x) in zip(axes.flat[: len(panels)], panels, strict=True):
         whole = np.isfinite(density[:, 0])
+        half, frame = scene.pipe.length / x.size / 2, (times[1] - times[0]) / 2
         mesh = place.imshow(
-            density[whole].T,
+            np.append(density[whole], density[whole, :1], axis=1).T,  # the period's end is its beginning
             cmap="magma",
             vmin=LIGHT,
             vmax=DARK,
             aspect="auto",
             origin="upper",
-            extent=(times[0], times[whole][-1], scene.pipe.length, 0),
-            interpolation="bilinear" if x.size == POINTS else "nearest",
+            extent=(times[0] - frame, times[whole][-1] + frame, scene.pipe.length + half, -half),
+            interpolation="bilinear",
         )
         place.set(xlim=(times[0], times[-1]), ylim=(scene.pipe.length, 0), xticks=_whole(times))
-        place.set_title(name, fontsize=13, loc="left")
+        place.set_title(name, fontsize=11, loc="left")
         for side in ("top", "right"):
             place.spines[side].set_visible(False)
         if not whole.all():
             middle = (times[whole][-1] + times[-1]) / 2
             text = f"runs away\nafter γt = {scene.model.friction * dataset.attrs['closure_stops']:.3g}"
-            place.text(middle, scene.pipe.length / 2, text, ha="center", va="center", fontsize=13, color=GREY)
+            place.text(middle, scene.pipe.length / 2, text, ha="center", va="center", fontsize=11, color=GREY)
     _contrasts(axes[1, 2], dataset, panels)
     for place in axes[:, 0]:
-        place.set_ylabel("place in the pipe x, down")
+        place.set_ylabel("x, down the pipe")
     for place in axes[1]:
         place.set_xlabel("time γt")
     for place in (*axes[:, 1], axes[0, 2]):
@@ -200,7 +201,7 @@ def closure_figure(dataset: xr.Dataset) -> Figure:
     bar.set_label("density over its mean")
     bar.outline.set_visible(False)
     number = scene.groups.collision_number
-    figure.suptitle(f"The same pipe, R* = {number:g}, from the same waves: which description clusters?", fontsize=15)
+    figure.suptitle(f"The same pipe, R* = {number:g}, from the same waves: which description clusters?", fontsize=13)
     return figure
 
 
@@ -220,10 +221,10 @@ def _contrasts(place: Any, dataset: xr.Dataset, panels: list[tuple[str, Array, A
     place.set(yscale="log", xlim=(times[0], times[-1]), ylim=(0.008, 0.5), xticks=_whole(times))
     plain_logs(place.yaxis)
     place.yaxis.tick_right()
-    place.set_title("Contrast of each over time", fontsize=13, loc="left")
+    place.set_title("Contrast of each over time", fontsize=11, loc="left")
     for side in ("top", "left"):
         place.spines[side].set_visible(False)
-    place.legend(frameon=False, fontsize=10, loc="lower left")
+    place.legend(frameon=False, fontsize=8.5, loc="lower left", handlelength=1.8)
 
 
 def save_closure_figure(dataset: xr.Dataset, path: str | Path) -> None:

@@ -56,7 +56,7 @@ def test_the_scene_lies_where_the_picture_says() -> None:
 def test_dimensions() -> None:
     dataset = found()
     assert dataset["closure"].dims == dataset["moments"].dims == dataset["kinetic"].dims == ("time", "x")
-    assert dataset["particles"].dims == ("time", "count", "bin")
+    assert dataset["particles"].dims == ("time", "count", "point")
     assert dataset["count"].values.tolist() == list(FEW)
     assert dataset["time"].values.tolist() == [0, 0.25, 0.5, 0.75, 1]
     assert dataset.attrs["closure_stops"] == 1
@@ -73,8 +73,8 @@ def test_moments_and_equation_are_the_closed_form() -> None:
         assert np.abs(dataset[name].values - truth).max() < 1e-3 * truth.max()
     assert np.abs(dataset["closure"].values[-1] - truth[-1]).max() > 3e-3
     for count, density in zip(FEW, dataset["particles"].values[-1], strict=True):
-        noise = density - np.interp(dataset["bin"], dataset["x"], truth[-1], period=short().pipe.length)
-        ideal = np.sqrt((figure.BINS - 1) / count)
+        noise = density - np.interp(dataset["point"], dataset["x"], truth[-1], period=short().pipe.length)
+        ideal = np.sqrt(2 * 31 / count)  # that many waves are kept
         assert 0.6 * ideal < noise.std() < 3 * ideal
 
 
@@ -94,7 +94,7 @@ def test_the_closure_runs_away() -> None:
     assert f"runs away after t = {stops:.3g}" in closure_summary(dataset)[1]
     panels = closure_figure(dataset).axes
     assert "runs away" in panels[0].texts[0].get_text()
-    assert panels[0].images[0].get_extent()[1] == pytest.approx(stops)
+    assert panels[0].images[0].get_extent()[1] == pytest.approx(stops + 0.125)
 
 
 def test_the_picture(tmp_path: Path) -> None:
