@@ -23,6 +23,8 @@ NAMES = (
     "hard_cases",
     "linear_theory",
     "hydrodynamics",
+    "heat_flux",
+    "descriptions",
     "particles_speed",
     "time_to_accuracy",
 )

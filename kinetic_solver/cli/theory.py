@@ -90,31 +90,59 @@ def _figure_1(target: Path, overwrite: bool) -> None:
 
 
 def figure(
-    number: Annotated[int, typer.Argument(metavar="2|3", show_default=False)],
+    number: Annotated[str, typer.Argument(metavar="2|3|closure", show_default=False)],
     output: Annotated[Path | None, typer.Option("-o", "--output", metavar="OUT.nc", help="Default: figure_N.nc.")] = None,
     operator: Annotated[str, typer.Option(help="follow-the-leader (6), or inelastic (12).")] = "follow-the-leader",
-    count: Annotated[int, typer.Option(help="Number of particles.")] = 10_000,
+    count: Annotated[int | None, typer.Option(help="Number of particles, 10000 by default; of 2 and 3.")] = None,
     seed: Annotated[int, typer.Option(help="Of the random numbers.")] = 1,
     overwrite: Overwrite = False,
 ) -> None:
-    """The paper's Figures 2 and 3: particles below and above the closure's critical density, at t = 0, 3, 500/γ."""
+    """The paper's Figures 2 and 3: particles below and above the closure's critical density, at t = 0, 3, 500/γ. Or closure: one
+    scene above it by the closure, more moments, the kinetic equation, and particles, few and many (a minute)."""
     with exit_codes():
         from pydantic import ValidationError
 
-        from kinetic_solver.analysis.paper_figures import figure_scene, save_snapshots, snapshots, summary
-        from kinetic_solver.dataset import refuse_existing, write_dataset
+        from kinetic_solver.dataset import refuse_existing
         from kinetic_solver.errors import SceneError
         from kinetic_solver.scene import one_line
 
+        if number not in ("2", "3", "closure"):
+            raise SceneError(f"figure {number}: allowed: 2, 3 or closure")
         refuse_picture(output)
         target = output or Path(f"figure_{number}{'_inelastic' if operator == 'inelastic' else ''}.nc")
         refuse_existing(target, overwrite)
         try:
-            chosen = figure_scene(number, operator, count, seed)
+            if number == "closure":
+                _figure_closure(target, operator, count, seed, overwrite)
+            else:
+                _figure_2_3(int(number), target, operator, count, seed, overwrite)
         except ValidationError as error:
             raise SceneError(one_line(error)) from None
-        dataset = snapshots(chosen)
-        write_dataset(dataset, target, overwrite)
-        save_snapshots(dataset, target.with_suffix(".png"))
-        print("\n".join(summary(dataset)))
         print(f"wrote {target} and {target.with_suffix('.png')}")
+
+
+def _figure_2_3(number: int, target: Path, operator: str, count: int | None, seed: int, overwrite: bool) -> None:
+    from kinetic_solver.analysis.paper_figures import COUNT, figure_scene, save_snapshots, snapshots, summary
+    from kinetic_solver.dataset import write_dataset
+
+    dataset = snapshots(figure_scene(number, operator, COUNT if count is None else count, seed))
+    write_dataset(dataset, target, overwrite)
+    save_snapshots(dataset, target.with_suffix(".png"))
+    print("\n".join(summary(dataset)))
+
+
+def _figure_closure(target: Path, operator: str, count: int | None, seed: int, overwrite: bool) -> None:
+    from kinetic_solver.analysis.closure_figure import (
+        closure_scene,
+        closure_summary,
+        descriptions,
+        refuse_options,
+        save_closure_figure,
+    )
+    from kinetic_solver.dataset import write_dataset
+
+    refuse_options(operator, count)
+    dataset = descriptions(closure_scene(seed), lambda text: print(f"{text} …", flush=True))
+    write_dataset(dataset, target, overwrite)
+    save_closure_figure(dataset, target.with_suffix(".png"))
+    print("\n".join(closure_summary(dataset)))

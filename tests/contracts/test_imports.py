@@ -123,7 +123,7 @@ def test_the_allowed_imports_make_no_circle() -> None:
             assert folder not in ALLOWED[below], f"{folder} and {below} may import each other"
 
 
-@pytest.mark.parametrize("folder", ["exact", "stability", "particles", "theory", "initial", "dataset", "scene"])
+@pytest.mark.parametrize("folder", ["exact", "stability", "hydrodynamics", "particles", "theory", "initial", "dataset", "scene"])
 def test_cross_checks_never_reach_the_grid_solver(folder: str) -> None:
     assert not reached(folder) & OF_THE_GRID_SOLVER
 

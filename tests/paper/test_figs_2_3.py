@@ -281,7 +281,7 @@ def figure(command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("4",), "error: figure 4: allowed: 2 or 3\n"),
+        (("4",), "error: figure 4: allowed: 2, 3 or closure\n"),
         (("2", "--operator", "elastic"), "error: collisions.operator = 'elastic': "),
         (("2", "--count", "0"), "error: particles.count = 0: "),
         (("2", "--seed", "-1"), "error: particles.seed = -1: "),
