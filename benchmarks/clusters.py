@@ -13,14 +13,13 @@ import dataclasses
 import math
 import multiprocessing
 import os
-import sys
-import time
 from collections.abc import Sequence
 
 import numba
 import numpy as np
 from matplotlib.figure import Figure
 
+from benchmarks.sections import run_sections
 from kinetic_solver import Scene, exact, solve, stability
 from kinetic_solver.analysis.paper_figures import (
     BINS,
@@ -357,11 +356,7 @@ SECTIONS = {"direct": direct, "files": files, "inelastic": inelastic, "equation"
 
 
 def main() -> None:
-    for section in sys.argv[1:] or SECTIONS:
-        began = time.perf_counter()
-        print(f"\n## {section}", flush=True)
-        SECTIONS[section]()
-        print(f"\n{section}: {time.perf_counter() - began:.0f} s", flush=True)
+    run_sections(SECTIONS)
 
 
 if __name__ == "__main__":

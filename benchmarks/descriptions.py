@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 import multiprocessing
 import resource
-import sys
 import time
 import warnings
 from collections.abc import Callable
@@ -20,6 +19,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from benchmarks.hydrodynamics import row, scene_of, table
+from benchmarks.sections import run_sections
 from kinetic_solver import Scene, exact, hydrodynamics, solve, stability
 from kinetic_solver.analysis.drawing import BLUE, GREY, ORANGE, plain_logs
 from kinetic_solver.scene import INELASTIC
@@ -190,11 +190,7 @@ SECTIONS = {"limits": limits, "cost": cost}
 
 
 def main() -> None:
-    for section in sys.argv[1:] or SECTIONS:
-        began = time.perf_counter()
-        print(f"\n## {section}", flush=True)
-        SECTIONS[section]()
-        print(f"\n{section}: {time.perf_counter() - began:.0f} s", flush=True)
+    run_sections(SECTIONS)
 
 
 if __name__ == "__main__":

@@ -8,13 +8,12 @@ docs/hydrodynamics.md and asserts what they say. Units γ = σ = ρ̄ = 1, and g
 from __future__ import annotations
 
 import math
-import sys
-import time
 import warnings
 from typing import Any
 
 import numpy as np
 
+from benchmarks.sections import run_sections
 from kinetic_solver import Scene, exact, hydrodynamics
 from kinetic_solver.arrays import Array
 from kinetic_solver.errors import SolverStopped
@@ -284,11 +283,7 @@ SECTIONS = {"rates": rates, "moments": moments, "waves": waves, "pipe": pipe, "i
 
 
 def main() -> None:
-    for section in sys.argv[1:] or SECTIONS:
-        began = time.perf_counter()
-        print(f"\n## {section}", flush=True)
-        SECTIONS[section]()
-        print(f"\n{section}: {time.perf_counter() - began:.0f} s", flush=True)
+    run_sections(SECTIONS)
 
 
 if __name__ == "__main__":
