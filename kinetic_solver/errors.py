@@ -36,12 +36,14 @@ class SolverStopped(KineticError, RuntimeError):
 
 
 class RunUnfinished(KineticError):
-    """A run was stopped from outside, or the wall-clock time that it was given is over: it can be resumed."""
+    """A run was stopped from outside, or the wall-clock time that it was given is over."""
 
-    def __init__(self, message: str, by: str | None = None) -> None:
+    def __init__(self, message: str, by: str | None = None, kept: bool = True) -> None:
         super().__init__(message)
         self.by = by
         """Who stopped it, the name of a signal, say; None where its time was over."""
+        self.kept = kept
+        """Whether a checkpoint was kept, from which it can be resumed."""
 
 
 class LostAccuracy(KineticError, RuntimeError):

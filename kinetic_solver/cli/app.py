@@ -82,7 +82,7 @@ def exit_codes(another_name: str = "name another file with -o") -> Iterator[None
     try:
         yield
     except RunUnfinished as stop:
-        print(f"{stop} (--resume)", file=sys.stderr)
+        print(f"{stop} (--resume)" if stop.kept else stop, file=sys.stderr)
         raise typer.Exit(INTERRUPTED if stop.by == "SIGINT" else UNFINISHED) from None
     except KeyboardInterrupt:
         print("error: interrupted", file=sys.stderr)

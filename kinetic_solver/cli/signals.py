@@ -25,7 +25,7 @@ def listening(interruption: Interruption) -> Iterator[None]:
     def stop(number: int, _: Any) -> None:
         name = signal.Signals(number).name
         if not interruption.heeded:
-            raise RunUnfinished(f"stopped by {name} before a first step was done; resume it to go on", name)
+            raise RunUnfinished(f"stopped by {name} at once, without a new checkpoint; run it again", name, kept=False)
         if interruption.stop is not None and number == signal.SIGINT:
             raise RunUnfinished(f"stopped by {name} at once, without a new checkpoint; resume it to go on", name)
         interruption.stop = interruption.stop or name

@@ -97,7 +97,7 @@ def test_a_signal_before_the_first_step(tmp_path: Path) -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, timeout=SECONDS)
     assert done.returncode == 3
-    assert done.stderr == "stopped by SIGTERM before a first step was done; resume it to go on (--resume)\n"
+    assert done.stderr == "stopped by SIGTERM at once, without a new checkpoint; run it again\n"
     assert [path.name for path in tmp_path.iterdir()] == ["scene.toml"]
 
 
