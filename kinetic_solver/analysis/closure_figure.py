@@ -164,7 +164,7 @@ def _grouped(count: int) -> str:
 def closure_figure(dataset: xr.Dataset) -> Figure:
     """Panels of the density over (t, x), one colour scale, and in the last the contrast of each over time."""
     scene, times = scene_of(dataset), dataset["time"].values
-    figure = Figure(figsize=(9.6, 5.7), layout=ConstrainedLayoutEngine(w_pad=0.06, h_pad=0.06, hspace=0.03, wspace=0.02))
+    figure = Figure(figsize=(9.3, 5.5), layout=ConstrainedLayoutEngine(w_pad=0.06, h_pad=0.06, hspace=0.03, wspace=0.02))
     axes = figure.subplots(2, 3)
     panels = _panels(dataset)
     mesh = None
@@ -218,13 +218,13 @@ def _contrasts(place: Any, dataset: xr.Dataset, panels: list[tuple[str, Array, A
     names += [name.replace("particles", "") for name, *_ in panels[3:]]
     for (_, density, _), (colour, line, width), name in zip(panels, styles, names, strict=True):
         place.plot(times, contrast(density), color=colour, ls=line, lw=width, label=name)
-    place.set(yscale="log", xlim=(times[0], times[-1]), ylim=(0.008, 0.5), xticks=_whole(times))
+    place.set(yscale="log", xlim=(times[0], times[-1]), ylim=(0.006, 0.5), xticks=_whole(times))
     plain_logs(place.yaxis)
     place.yaxis.tick_right()
     place.set_title("Contrast of each over time", fontsize=11, loc="left")
     for side in ("top", "left"):
         place.spines[side].set_visible(False)
-    place.legend(frameon=False, fontsize=8.5, loc="lower left", handlelength=1.8)
+    place.legend(frameon=False, fontsize=8, loc="lower left", handlelength=1.8)
 
 
 def save_closure_figure(dataset: xr.Dataset, path: str | Path) -> None:
