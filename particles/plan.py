@@ -15,7 +15,7 @@ from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.initial import start_state
 from kinetic_solver.laws import CollisionLaw, PairLaw, check_pairs
 from kinetic_solver.machine import too_large
-from kinetic_solver.scene import Scene, Schedule
+from kinetic_solver.scene import Scene, Schedule, check_is_scene
 from particles import ensemble, single_file
 from particles.estimators import memory_of_samples
 from particles.files import count_of, start_from_file
@@ -124,6 +124,7 @@ def make_plan(scene: Scene, operator: CollisionLaw | None = None, own: initial.G
     Raises SceneError where the scene asks for what the particles do not do or this machine cannot hold, and where that f cannot
     be started from.
     """
+    check_is_scene(scene)
     start = None
     if own is not None:
         scene, start = initial.take(scene, own)
@@ -152,8 +153,7 @@ def make_plan(scene: Scene, operator: CollisionLaw | None = None, own: initial.G
 
 def _pair_law(scene: Scene, operator: CollisionLaw) -> PairLaw:
     """The law, if it is one for particles. Raises SceneError."""
-    if scene.collisions is not None:
-        raise SceneError(f"collisions: the scene has a table, and operator = {operator.label} is given; allowed: one of them")
+    scene.law_with(operator)
     if not isinstance(operator, PairLaw):
         raise SceneError(f"operator {operator.label}: says nothing of pairs; particles need a PairLaw")
     check_pairs(operator, math.sqrt(start_state(scene)[1]))

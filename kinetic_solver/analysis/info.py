@@ -24,8 +24,11 @@ def summary(dataset: xr.Dataset) -> list[str]:
         lines.append(f"frames      {t.size}, t = {t[0]:g} to {t[-1]:g}")
     if "x" in dataset.coords and "v" in dataset.coords:
         v = dataset["v"].values
-        lines.append(f"grid        nx = {dataset.sizes['x']}, nv = {v.size}")
-        lines.append(f"velocities  {v[0]:.5g} to {v[-1]:.5g}")
+        if v.size > 1:
+            lines.append(f"grid        nx = {dataset.sizes['x']}, nv = {v.size}")
+            lines.append(f"velocities  {v[0]:.5g} to {v[-1]:.5g}")
+        else:
+            lines.append(f"grid        nx = {dataset.sizes['x']}")
     else:
         lines.append(f"variables   {', '.join(map(str, dataset.data_vars))}")
 
@@ -52,8 +55,24 @@ def summary(dataset: xr.Dataset) -> list[str]:
         if name in dataset:
             worst = dataset[name].min() if name == "minimum_of_f" else dataset[name].max()
             lines.append(f"{name:<20}{float(worst):.2g}   {dataset[name].attrs['long_name']}")
-    for name in ("limited_by", "grids", "certified", "cells", "overtakings", "weight", "warning", "first", "second", "verdict"):
+    for name in (
+        "limited_by",
+        "flow",
+        "error_maximum_norm",
+        "error_L1",
+        "jumps_from",
+        "grids",
+        "certified",
+        "cells",
+        "overtakings",
+        "weight",
+        "warning",
+        "first",
+        "second",
+        "verdict",
+    ):
         if name in a:
-            lines.append(f"{name:<12}{a[name]}")
+            value = f"{a[name]:.2g}" if isinstance(a[name], float) else a[name]
+            lines.append(f"{name:<12} {value}" if len(name) > 11 else f"{name:<12}{value}")
     lines.append(f"scene       {a.get('scene', 'none')}")
     return lines

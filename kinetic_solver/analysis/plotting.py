@@ -24,24 +24,24 @@ LIGHTEST = 0.85
 
 
 def overview(dataset: xr.Dataset, times: Sequence[float] | None = None) -> Figure:
-    """Density over (x, t), w(v) with its Gaussian, and f(x, v) at up to four `times`.
+    """Density over (x, t), w(v) with its Gaussian, and f(x, v) at up to four `times`; without w(v), profiles of the density.
 
     By default the times are the first, the last, and those between which f changes equally. A homogeneous run (nx = 1) shows its
     temperature over time instead, with the stationary value or Haff's law. Fields are drawn through the grid's points
     by the trigonometric interpolant in x and a cubic spline in v. Raises SceneError where the dataset lacks the fields.
     """
-    for name in ("density", "velocity_distribution"):
-        if name not in dataset:
-            method = dataset.attrs.get("method", "unknown")
-            raise SceneError(f"the file has no {name!r} (method: {method}); allowed: a run with output.moments = true")
+    if "density" not in dataset:
+        method = dataset.attrs.get("method", "unknown")
+        raise SceneError(f"the file has no 'density' (method: {method}); allowed: a run with output.moments = true")
+    in_v = "velocity_distribution" in dataset
     extended = dataset.sizes["x"] > 1
     with_f = "f" in dataset and extended
-    shown = _frames(dataset, "velocity_distribution", times)
+    shown = _frames(dataset, "velocity_distribution" if in_v else "density", times)
     figure = Figure(figsize=(12, 8.6 if with_f else 5), layout="constrained")
     top, *bottom = figure.subfigures(2 if with_f else 1, 1, squeeze=False, height_ratios=[1.1, 1] if with_f else [1])[:, 0]
     left, right = top.subplots(1, 2, width_ratios=[1.15, 1])
     (_density_map if extended else _temperature_history)(left, dataset)
-    _velocity_distribution(right, dataset, shown)
+    (_velocity_distribution if in_v else _density_profiles)(right, dataset, shown)
     if with_f:
         _phase_space(bottom[0], dataset, times)
     figure.suptitle(_title(scene_of(dataset)), fontsize=12)
@@ -149,6 +149,16 @@ def _temperature_history(axes: Any, dataset: xr.Dataset) -> None:
         axes.set_ylim(0, 1.05 * axes.get_ylim()[1])
     axes.grid(alpha=0.3)
     _legend_below(axes, 2)
+
+
+def _density_profiles(axes: Any, dataset: xr.Dataset, shown: list[int]) -> None:
+    """In place of w(v), where a run has none: hydrodynamics. As it is at its points, since shocks have no interpolant."""
+    t, length = _times(dataset, "density"), _period(dataset)
+    x, rho = np.append(dataset["x"].values, length), dataset["density"].values
+    for colour, n in zip(shades(len(shown), LIGHTEST), shown, strict=True):
+        axes.plot(x, np.append(rho[n], rho[n, 0]), color=colour, lw=2, label=f"t = {t[n]:.3g}")
+    axes.set(xlabel="x", ylabel="ρ(x, t)", title="density", xlim=(0, length))
+    axes.legend(frameon=False)
 
 
 def _velocity_distribution(axes: Any, dataset: xr.Dataset, shown: list[int]) -> None:

@@ -17,7 +17,12 @@ if TYPE_CHECKING:
 def run(
     scene: ScenePath,
     output: Annotated[Path | None, typer.Option("-o", "--output", metavar="OUT.nc", help="Default: SCENE.nc.")] = None,
-    method: Annotated[str, typer.Option(help="grid, exact (the closed form, where there is one), or particles.")] = "grid",
+    method: Annotated[
+        str,
+        typer.Option(
+            help="grid, exact (the closed form, where there is one), particles, or hydrodynamics (the paper's closure)."
+        ),
+    ] = "grid",
     overrides: Overrides = None,
     overwrite: Overwrite = False,
     certified: Annotated[bool, typer.Option("--certify", help="Run again refined; add error bars and observed orders.")] = False,
@@ -26,7 +31,9 @@ def run(
         float | None, typer.Option(metavar="S", help="Stop after S seconds with a checkpoint, to be resumed; exit code 3.")
     ] = None,
 ) -> None:
-    """Solve a scene and write a netCDF file. SIGTERM and Ctrl-C stop it with a checkpoint, SIGUSR1 writes one."""
+    """Solve a scene and write a netCDF file. SIGTERM and Ctrl-C stop it with a checkpoint, SIGUSR1 writes one.
+
+    Method hydrodynamics keeps no checkpoints."""
     with exit_codes():
         from kinetic_solver.cli.signals import listening
         from kinetic_solver.errors import SceneError

@@ -101,6 +101,7 @@ def _fields(rows: list[Row], notes: list[str], a: Side, b: Side, times: list[flo
     scatter = a.stochastic or b.stochastic
     seen: Seen = {name: [] for name in (*OVER_X, W)}
     known: dict[float, Both] = {}
+    in_v = all(side.v is not None or side.particles for side in (a, b))  # hydrodynamics knows no velocities
     for t in times:
         ours, theirs = (side.over_x(t, points, scatter) for side in (a, b))
         theta = np.concatenate([values["temperature"].points for values in (ours, theirs)])
@@ -118,14 +119,16 @@ def _fields(rows: list[Row], notes: list[str], a: Side, b: Side, times: list[flo
             else:
                 why = "values are not finite, as where the density of few particles is not positive"
                 notes.append(f"not compared: {name} at t = {t:g}: {why}")
-        if points.v.size >= LEAST_VELOCITIES:
+        if in_v and points.v.size >= LEAST_VELOCITIES:
             pair = a.distribution(t, points), b.distribution(t, points)
             if _finite(pair):
                 seen[W] += [pair] * (t > times[0])
                 rows.append(over_v(t, points.v, *pair, both))
             else:
                 notes.append(f"not compared: w(v) at t = {t:g}: values are not finite")
-    if points.v.size < LEAST_VELOCITIES:
+    if not in_v:
+        notes.append("not compared: w(v), which hydrodynamics does not have")
+    elif points.v.size < LEAST_VELOCITIES:
         shared = f"the velocity windows share {points.v.size} points; allowed: {LEAST_VELOCITIES} or more"
         notes.append(f"not compared: w(v) and f: {shared}")
     resolved = [both for both in known.values() if both.folded <= UNRESOLVED]

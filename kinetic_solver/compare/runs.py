@@ -44,13 +44,17 @@ class RunSide(Side):
         return int(self.dataset.sizes["x"])
 
     @property
-    def v(self) -> Array:
+    def v(self) -> Array | None:
+        """None where the run has no distribution over v: hydrodynamics."""
+        return self._v if self._v.size > 1 else None
+
+    @property
+    def _v(self) -> Array:
         return np.asarray(self.dataset["v"].values, dtype=float)
 
     @property
     def velocity_range(self) -> tuple[float, float]:
-        v = self.v
-        return float(v[0]), float(v[-1])
+        return float(self._v[0]), float(self._v[-1])
 
     def times(self, name: str) -> Array:
         if name not in self.dataset:
@@ -85,18 +89,18 @@ class RunSide(Side):
 
     def distribution(self, time: float, points: Points) -> Values:
         name = "velocity_distribution"
-        w = over_v(self.v, self._frame(name, time), points.v)
+        w = over_v(self._v, self._frame(name, time), points.v)
         if not self.stochastic:
             return Values(w)
-        return Values(w, over_v(self.v, self._frame(f"{name}_replica", time), points.v))
+        return Values(w, over_v(self._v, self._frame(f"{name}_replica", time), points.v))
 
     def phase_space(self, time: float, points: Points, scatter: bool) -> Values:
         """Of particles on the run's own nx, and those of its velocities that are among the points'."""
         f = self._frame("f", time)
         if not self.stochastic:
-            return Values(over_v(self.v, (waves_of if scatter else at_points)(f.T, points.nx).T, points.v).ravel())
+            return Values(over_v(self._v, (waves_of if scatter else at_points)(f.T, points.nx).T, points.v).ravel())
         assert self.scene is not None
-        kept = np.isin(self.v, points.v)
+        kept = np.isin(self._v, points.v)
         error = self._frame("f_stderr", time)[:, kept]
         return Values(f[:, kept].ravel(), None, 1.0, (error.ravel(), self.scene.particles.replicas))
 

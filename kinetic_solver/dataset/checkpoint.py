@@ -25,7 +25,7 @@ from kinetic_solver.dataset.trees import pack, unpack
 from kinetic_solver.errors import OutputFailed, SceneError
 from kinetic_solver.scene import Scene
 
-NOTES = ("law", "initial")
+NOTES = ("law", "initial", "initial_sha256")
 """Attributes that say what a run is of beside its scene."""
 FORMAT = 1
 """Of the file: to be raised whenever what is written changes its meaning."""
@@ -108,8 +108,8 @@ class Checkpoint:
                 f"{path}: was written by version {header['version']}, this is {version()}; allowed: to go on with that version, "
                 "or to overwrite the run"
             )
-        check_scene(path, Scene.model_validate_json(header["scene"]), self._scene)
         check_notes(path, header["notes"], self._notes)
+        check_scene(path, Scene.model_validate_json(header["scene"]), self._scene)
         if not 0 <= header["time"] <= self._scene.run.end_time:
             raise _Damaged
         if self._target.stat().st_size < header["written"]:
@@ -184,6 +184,6 @@ def finished(target: Path, scene: Scene, method: str, notes: Mapping[str, str] |
     with open_run(target) as run:
         if run.attrs.get("method") != method:
             raise SceneError(f"{target}: is a run of method {run.attrs.get('method')!r}; allowed: another name")
-        check_scene(target, scene_of(run, target), scene)
         check_notes(target, run.attrs, notes or {})
+        check_scene(target, scene_of(run, target), scene)
         return "status" in run and int(run["status"]) == FINISHED

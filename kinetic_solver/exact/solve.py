@@ -16,7 +16,7 @@ from kinetic_solver.errors import SceneError
 from kinetic_solver.exact.solution import Solution
 from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.machine import too_large
-from kinetic_solver.scene import Scene, Schedule
+from kinetic_solver.scene import Scene, Schedule, check_is_scene
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -40,6 +40,7 @@ def solve(scene: Scene, x: ArrayLike | None = None, v: ArrayLike | None = None) 
     Raises SceneError for operator (12) and for a start from a file or an eigenmode, which have no closed form here, and for
     points that are not uniform.
     """
+    check_is_scene(scene)
     grid, schedule = points(scene, x, v), Schedule.of(scene, VARIABLES)
     recorder = MemoryRecorder(grid, scene, schedule, "exact", VARIABLES)
     for time, frame in frames(scene, grid, schedule):

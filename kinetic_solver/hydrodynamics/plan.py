@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from kinetic_solver.errors import SceneError
 from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.hydrodynamics.start import refuse
-from kinetic_solver.scene import Scene, Schedule
+from kinetic_solver.scene import Scene, Schedule, check_is_scene
 
 FEWEST = 256
 """Points of the output where grid.nx is not given; 32 on the shortest wave of the start, if that is more."""
@@ -32,6 +33,7 @@ class Plan:
 
 def make_plan(scene: Scene) -> Plan:
     """Raises SceneError where the method cannot run the scene."""
+    check_is_scene(scene)
     refuse(scene)
     if scene.hydrodynamics.moments is not None:
         _refuse_hierarchy(scene)
@@ -43,6 +45,8 @@ def make_plan(scene: Scene) -> Plan:
         start = scene.initial
         modes = (*start.modes, *start.velocity_modes, *start.temperature_modes)
         shortest = max((m.mode for m in modes if m.cos or m.sin), default=1)
+        if start.pulse is not None:
+            shortest = max(shortest, math.ceil(1 / (2 * math.pi * start.pulse.width)))
         nx = max(FEWEST, 32 * shortest)
     reach = scene.model.noise**0.5 or 1.0
     groups = GROUPS if scene.hydrodynamics.moments is None else GROUPS[:2]

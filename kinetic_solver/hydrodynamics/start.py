@@ -15,6 +15,11 @@ def refuse(scene: Scene) -> None:
     start = scene.initial
     if start.file is not None:
         raise SceneError("initial.file: is a state of another method; allowed for hydrodynamics: density, modes or step")
+    if start.beams:
+        raise SceneError(
+            "initial.beams: have a heat flux, or no Gaussian of one temperature, from the start; allowed for hydrodynamics: "
+            "mean_velocity and temperature"
+        )
     if start.eigenmodes:
         raise SceneError("initial.eigenmodes: are of the kinetic equation; allowed for hydrodynamics: modes, velocity_modes")
     if start.step is not None and start.step.ratio == 0:

@@ -13,6 +13,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from hashlib import sha256
 from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
 import numpy as np
@@ -51,9 +52,11 @@ def take(scene: Scene, given: Given) -> tuple[Scene, GivenStart]:
             "nor any other key of [initial]"
         )
     length, rtol = scene.pipe.length, scene.accuracy.rtol
-    if not hasattr(given, "dims"):
-        if not callable(given):
-            raise SceneError(f"initial = {given!r}: allowed: a callable f(x, v), or a DataArray with dimensions x and v")
+    if not (hasattr(given, "dims") and hasattr(given, "name")):
+        if hasattr(given, "dims") or not callable(given):
+            raise SceneError(
+                f"initial: is of type {type(given).__name__}; allowed: a callable f(x, v), or a DataArray with dimensions x and v"
+            )
         name = f"callable {getattr(given, '__qualname__', type(given).__name__)}"
         f, model = _checked(given, name), scene.model
         middle = model.gravity / model.friction if model.friction > 0 else 0.0
@@ -74,8 +77,10 @@ def recorded(scene: Scene, start: Start) -> Scene:
 
 
 def notes_of(start: Start | None) -> dict[str, str]:
-    """What a dataset says of a start that is not in its scene, as attributes."""
-    return {"initial": f"given: {start.name}"} if isinstance(start, GivenStart) else {}
+    """What a dataset says of a start that is not in its scene, as attributes: its name, and a sum that no other start has."""
+    if not isinstance(start, GivenStart):
+        return {}
+    return {"initial": f"given: {start.name}", "initial_sha256": sha256(np.ascontiguousarray(start.table.f).data).hexdigest()}
 
 
 def _checked(given: Callable[[Array, Array], Any], name: str) -> Function:

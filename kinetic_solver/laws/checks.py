@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -15,6 +17,19 @@ ROUND_OFF = 1e-10
 """Of ∫|φC| dv, that ∫φC dv may be where a law conserves ∫φf dv, however fine rtol: sums of a few hundred rounded numbers."""
 RELATIVE_VELOCITIES = np.linspace(0.05, 12.0, 240)
 """Of a thermal one, at which the outcome of a pair is looked at."""
+
+
+def check_given(law: object) -> None:
+    """Raises SceneError for what is no collision law."""
+    if not isinstance(law, CollisionLaw):
+        found = law.__name__ if isinstance(law, type) else type(law).__name__
+        what = "the class itself" if isinstance(law, type) else "of another type"
+        raise SceneError(
+            f"operator: {found} is {what}; allowed: an instance of a class that is made from CollisionLaw or PairLaw "
+            "(docs/extending.md)"
+        )
+    if isinstance(law, PairLaw) and not hasattr(law, "cross_section"):
+        raise SceneError(f"operator {law.label}: has no cross_section; allowed: a number that is 0 or more")
 
 
 def check_law(law: CollisionLaw, f: Array, v: Array, rtol: float) -> None:
@@ -31,7 +46,7 @@ def check_law(law: CollisionLaw, f: Array, v: Array, rtol: float) -> None:
         raise SceneError(f"operator {law.label}: has no rate(f, v); the grid needs one (particles need a PairLaw alone)")
     if isinstance(law, PairLaw):
         return check_pairs(law, math.sqrt(float(v.var())))
-    rate = law.rate(f.copy(), v.copy())
+    rate = _called(law, "rate(f, v)", lambda: law.rate(f.copy(), v.copy()))
     if not isinstance(rate, np.ndarray) or rate.shape != f.shape:
         found = getattr(rate, "shape", type(rate).__name__)
         raise SceneError(
@@ -53,18 +68,31 @@ def check_law(law: CollisionLaw, f: Array, v: Array, rtol: float) -> None:
             )
 
 
+def check_frequency(law: CollisionLaw, density: float, temperature: float) -> None:
+    """Raises SceneError where it bounds no step."""
+    found = _called(law, "frequency(density, temperature)", lambda: law.frequency(density, temperature))
+    if not (isinstance(found, int | float | np.floating) and 0 <= found < math.inf):
+        raise SceneError(
+            f"operator {law.label}: frequency({density:.3g}, {temperature:.3g}) is {found!r}; allowed: a finite number, 0 or more"
+        )
+
+
+def _called(law: CollisionLaw, what: str, call: Callable[[], Any]) -> Any:
+    """What the law answers. Raises SceneError where it fails."""
+    try:
+        return call()
+    except Exception as error:
+        said = " ".join(str(error).split())
+        raise SceneError(f"operator {law.label}: {what} fails: {type(error).__name__} {said}") from error
+
+
 def check_pairs(law: PairLaw, thermal: float) -> None:
     """Outcomes of pairs: two finite velocities between those before, of the sums that are said to be conserved."""
     if not law.cross_section >= 0:
         raise SceneError(f"operator {law.label}: cross_section = {law.cross_section!r}: allowed: a number that is 0 or more")
     r = thermal * RELATIVE_VELOCITIES
-    try:
-        a, b = law.places(r)
-    except (TypeError, ValueError) as error:
-        raise SceneError(
-            f"operator {law.label}: after(r, …) cannot be called with r and the law's numbers {law.numbers} ({error}); "
-            "allowed: two velocities for each r"
-        ) from None
+    what = f"after(r, …) with r and the law's numbers {law.numbers}, for two velocities,"
+    a, b = _called(law, what, lambda: law.places(r))
     outside = float(np.maximum(np.maximum(-a, b - r) / r, 0.0).max())
     if not (np.isfinite(a).all() and np.isfinite(b).all() and np.all(a <= b + 1e-12 * r)) or outside > 1e-12:
         raise SceneError(

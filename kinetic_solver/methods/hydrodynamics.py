@@ -17,4 +17,9 @@ def run(job: Job) -> list[str]:
     with recording(recorder):
         report = hydrodynamics.integrate(plan, recorder, job.progress)
     recorder.close(report=report)
-    return [f"{name.replace('_', ' ')}: {value}" for name, value in report.items()]
+    rtol = job.scene.accuracy.rtol
+    said = [f"{value:.2g}" if isinstance(value, float) else f"{value}" for value in report.values()]
+    return [
+        *(f"{name.replace('_', ' ')}: {value}" for name, value in zip(report, said, strict=True)),
+        f"accuracy.rtol = {rtol:g}",
+    ]

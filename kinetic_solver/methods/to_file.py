@@ -13,7 +13,7 @@ from kinetic_solver.laws import CollisionLaw
 from kinetic_solver.methods.interruption import Interruption
 from kinetic_solver.methods.job import Job, Written
 from kinetic_solver.methods.progress import Progress, telling
-from kinetic_solver.scene import Scene
+from kinetic_solver.scene import Scene, check_is_scene
 
 
 @dataclass(frozen=True)
@@ -59,6 +59,7 @@ def run_to_file(
     """
     path = Path(path)
     _check(scene, path, method, overwrite, resume, max_walltime)
+    scene.law_with(operator)
     if initial is not None and not METHODS[method].starts:
         able = ", ".join(repr(name) for name, known in METHODS.items() if known.starts)
         raise SceneError(f"initial: method {method!r} starts from what [initial] says; allowed: an f(x, v) with method {able}")
@@ -70,6 +71,7 @@ def run_to_file(
 
 
 def _check(scene: Scene, path: Path, method: str, overwrite: bool, resume: bool, max_walltime: float | None) -> None:
+    check_is_scene(scene)
     if method not in METHODS:
         raise SceneError(f"method = {method!r}: unknown; allowed: {', '.join(map(repr, METHODS))}")
     if (resume or max_walltime is not None) and not METHODS[method].resumes:

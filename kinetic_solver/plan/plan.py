@@ -19,7 +19,7 @@ from kinetic_solver.arrays import Array
 from kinetic_solver.dataset import VARIABLES
 from kinetic_solver.errors import SceneError
 from kinetic_solver.grid import PhaseSpaceGrid
-from kinetic_solver.laws import CollisionLaw, check_law
+from kinetic_solver.laws import CollisionLaw, check_frequency, check_law
 from kinetic_solver.machine import too_large
 from kinetic_solver.plan import choices, in_hermite, in_t, in_v, in_x, measured
 from kinetic_solver.plan.criterion import Criterion, strictest
@@ -33,6 +33,7 @@ from kinetic_solver.scene import (
     Schedule,
     SteppingScheme,
     VelocityScheme,
+    check_is_scene,
 )
 
 MOST_VELOCITIES = 20_000
@@ -132,8 +133,8 @@ def make_plan(scene: Scene, law: CollisionLaw | None = None, given: initial.Give
     Raises SceneError where no grid in this machine's memory can do it, where the law is not what it says, and where that f cannot
     be started from.
     """
-    if law is not None and scene.collisions is not None:
-        raise SceneError(f"collisions: the scene has a table, and operator = {law.label} is given; allowed: one of them")
+    check_is_scene(scene)
+    scene.law_with(law)
     reasons: dict[str, str] = {}
     start = None
     if given is not None:
@@ -153,9 +154,9 @@ def make_plan(scene: Scene, law: CollisionLaw | None = None, given: initial.Give
 def _make_plan(scene: Scene, known: Mapping[str, str], law: CollisionLaw | None, start: initial.GivenStart | None) -> Plan:
     schedule = Schedule.of(scene, VARIABLES)
     here = scales_of(scene, schedule.times, law=law, start=start)
-    choices.check_given(here)
     if law is not None:
         _check(law, here)
+    choices.check_given(here)
 
     def clocked(frame: ReferenceFrame) -> Scales:
         times = np.array([frame.clock(float(time)) for time in schedule.times])
@@ -218,6 +219,7 @@ def _check(law: CollisionLaw, scales: Scales) -> None:
     f, u, theta = scales.start.outline(scales.x[places], v), scales.mean_velocity[0, places], scales.temperature[0, places]
     displaced = initial.maxwellian(scales.density[places], u + np.sqrt(theta), theta / 2, v)
     check_law(law, np.concatenate([f, (f + displaced) / 2]), v, scales.rtol)
+    check_frequency(law, scales.rho_max, scales.hottest)
 
 
 def _window(scales: Scales, chosen: dict[str, str | None]) -> tuple[float, float]:

@@ -6,7 +6,7 @@ particles). Symbols and conventions: docs/theory.md; equation numbers are those 
 """
 
 from kinetic_solver.scene.initial import Beam, Initial, Mode, Modes, Pulse, fourier_sum
-from kinetic_solver.scene.scene import Groups, Scene
+from kinetic_solver.scene.scene import Groups, Scene, check_is_scene
 from kinetic_solver.scene.schedule import Schedule
 from kinetic_solver.scene.tables import (
     FOLLOW_LEADER,
@@ -44,6 +44,7 @@ __all__ = [
     "Schedule",
     "SteppingScheme",
     "VelocityScheme",
+    "check_is_scene",
     "fourier_sum",
     "one_line",
     "parse_override",

@@ -10,7 +10,8 @@ import numpy as np
 from pydantic import model_validator
 
 from kinetic_solver.arrays import Array
-from kinetic_solver.laws import PairLaw, law_of
+from kinetic_solver.errors import SceneError
+from kinetic_solver.laws import CollisionLaw, PairLaw, check_given, law_of
 from kinetic_solver.scene import toml
 from kinetic_solver.scene.cadence import multiples
 from kinetic_solver.scene.initial import Initial
@@ -40,6 +41,14 @@ class Groups(Table):
     """k* = (2π/L) √σ/γ of the longest wave: the thermal free path in units of L/2π."""
     length: float
     """L* = L γ/√σ."""
+
+
+def check_is_scene(scene: object) -> None:
+    """Raises SceneError for a path, a dictionary or whatever else is handed over in a scene's place."""
+    if not isinstance(scene, Scene):
+        raise SceneError(
+            f"scene: is of type {type(scene).__name__}; allowed: a Scene; Scene.from_toml(path) reads one, Scene(…) makes one"
+        )
 
 
 class Scene(Table):
@@ -104,6 +113,15 @@ class Scene(Table):
     def law(self) -> PairLaw | None:
         """The collision law that acts: the record of which everything else asks."""
         return law_of(self.operator, self.cross_section, self.restitution)
+
+    def law_with(self, operator: CollisionLaw | None) -> CollisionLaw | None:
+        """The collision law that acts where `operator` was brought along. Raises SceneError for what is none, or one too many."""
+        if operator is None:
+            return self.law
+        check_given(operator)
+        if self.collisions is not None:
+            raise SceneError(f"collisions: the scene has a table, and operator = {operator.label} is given; allowed: one of them")
+        return operator
 
     @property
     def homogeneous(self) -> bool:

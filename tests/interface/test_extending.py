@@ -16,7 +16,7 @@ import pytest
 import xarray as xr
 from scipy.optimize import root
 
-from kinetic_solver import CollisionLaw, PairLaw, Scene, SceneError, run_to_file, solve
+from kinetic_solver import CollisionLaw, PairLaw, Scene, SceneError, exact, hydrodynamics, run_to_file, solve
 from kinetic_solver.compare import compare
 from kinetic_solver.errors import RunUnfinished
 from kinetic_solver.laws import Inelastic
@@ -266,3 +266,50 @@ class RateOfTwelve(CollisionLaw):
         from kinetic_solver.operators.collisions import Inelastic as OnPoints
 
         return OnPoints(v, 0.9, 0.6, "quintic").rate(f)
+
+
+class Failing(CollisionLaw):
+    def rate(self, f: np.ndarray, v: np.ndarray) -> np.ndarray:
+        return f.foo  # type: ignore[attr-defined,no-any-return]
+
+
+class Backwards(CollisionLaw):
+    def rate(self, f: np.ndarray, v: np.ndarray) -> np.ndarray:
+        return np.zeros_like(f)
+
+    def frequency(self, density: float, temperature: float) -> float:
+        return -1.0
+
+
+class Unsized(PairLaw):
+    @staticmethod
+    def after(r: float, *numbers: float) -> tuple[float, float]:
+        return 0.0, 0.0
+
+
+@pytest.mark.parametrize(
+    ("law", "message"),
+    [
+        ("bgk", "operator: str is of another type; allowed: an instance of"),
+        (Failing, "operator: Failing is the class itself; allowed: an instance of"),
+        (Failing(), r"operator Failing: rate\(f, v\) fails: AttributeError"),
+        (Backwards(), r"operator Backwards: frequency\(.*\) is -1\.0; allowed: a finite number"),
+        (Unsized(), "operator Unsized: has no cross_section; allowed: a number"),
+    ],
+)
+def test_what_is_no_law(make_scene: MakeScene, tmp_path: Path, law: Any, message: str) -> None:
+    with pytest.raises(SceneError, match=message):
+        solve(make_scene(), operator=law)
+    with pytest.raises(SceneError, match=message):
+        run_to_file(make_scene(), tmp_path / "a.nc", operator=law)
+    if not isinstance(law, CollisionLaw) or isinstance(law, PairLaw):
+        with pytest.raises(SceneError, match=message):
+            simulate(make_scene(), operator=law)
+
+
+@pytest.mark.parametrize("scene", ["scene.toml", {"model": {"gravity": 1.0}}])
+def test_what_is_no_scene(tmp_path: Path, scene: Any) -> None:
+    """In one line, by whatever door."""
+    for call in (solve, simulate, exact.solve, hydrodynamics.solve, lambda one: run_to_file(one, tmp_path / "a.nc")):
+        with pytest.raises(SceneError, match=rf"^scene: is of type {type(scene).__name__}; allowed: a Scene;"):
+            call(scene)

@@ -186,7 +186,7 @@ def fails(x: np.ndarray, v: np.ndarray) -> np.ndarray:
         (lambda x, v: np.where(np.abs(v) < 1, 1.0, 0.0), "16384 velocities from .* do not resolve f"),
         (lambda x, v: (1 + x) * gaussian(x, v), "4096 places do not resolve f .* of the period pipe.length = 9"),
         (fails, r"callable fails: fails with x of shape \(4096, 1\) .*: ValueError no such thing$"),
-        (3.0, r"initial = 3.0: allowed: a callable f\(x, v\), or a DataArray"),
+        (3.0, r"initial: is of type float; allowed: a callable f\(x, v\), or a DataArray"),
     ],
 )
 def test_callables_that_are_refused(make_scene: MakeScene, f: Any, message: str) -> None:
@@ -267,3 +267,32 @@ def test_a_narrow_pulse_between_the_first_places_is_seen(make_scene: MakeScene) 
     scene = make_scene(initial=start, run={"end_time": 0.3}, accuracy={"rtol": 1e-5})
     run = solve(bare(scene), initial=function_of(scene))
     assert worst(run, scene) <= 1e-5
+
+
+@pytest.mark.parametrize("given", [np.ones((4, 4)), xr.Dataset({"f": (("x", "v"), np.ones((4, 4)))})])
+def test_what_is_no_start(make_scene: Callable[..., Scene], given: Any) -> None:
+    message = (
+        f"^initial: is of type {type(given).__name__}; allowed: a callable f\\(x, v\\), or a DataArray with dimensions x and v$"
+    )
+    with pytest.raises(SceneError, match=message):
+        solve(bare(make_scene()), initial=given)
+
+
+def test_a_run_goes_on_with_its_own_start_only(make_scene: Callable[..., Scene], tmp_path: Path) -> None:
+    """Two starts of one name and the same means: a sum of their values tells them apart."""
+
+    def wave(shift: float) -> Any:
+        def start(x: np.ndarray, v: np.ndarray) -> np.ndarray:
+            return (1 + 0.3 * np.cos(2 * np.pi * (x / length - shift))) * np.exp(-(v**2) / 2) / np.sqrt(2 * np.pi)
+
+        return start
+
+    scene = bare(make_scene(run={"end_time": 0.5, "output_every": 0.25}))
+    length, path = scene.pipe.length, tmp_path / "a.nc"
+    with pytest.raises(RunUnfinished):
+        run_to_file(scene, path, max_walltime=0, initial=wave(0.0))
+    with pytest.raises(SceneError, match=r"is of initial_sha256 = .*allowed: to overwrite it, or another name"):
+        run_to_file(scene, path, resume=True, initial=wave(0.25))
+    with pytest.raises(SceneError, match=r"is of initial = given: callable .*, this run of what the scene says"):
+        run_to_file(scene, path, resume=True)
+    run_to_file(scene, path, resume=True, initial=wave(0.0))
