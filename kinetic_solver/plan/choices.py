@@ -190,7 +190,7 @@ def cheapest_exact_step(scales: Scales, waves: Waves, width: float) -> float:
 def warn_of_waves_left_out(scales: Scales, waves: Waves) -> None:
     """Where a given nx leaves out waves of a smooth start, and nothing couples them: with collisions the monitor looks."""
     nx = scales.scene.grid.nx
-    if nx is None or scales.start.band_limited or scales.scene.initial.step is not None or scales.scene.operator is not None:
+    if nx is None or scales.start.band_limited or scales.scene.initial.step is not None or scales.law is not None:
         return
     if (lost := waves.beyond(nx)) > scales.rtol:
         warnings.warn(
