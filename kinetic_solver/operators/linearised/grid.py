@@ -51,10 +51,6 @@ class Lifted:
     mean_density: float | None
     """ρ̄, from which the global gauge takes its growth; None in the local gauge, which needs none."""
 
-    @property
-    def is_global(self) -> bool:
-        return self.mean_density is not None
-
 
 class GridLinearisedStep:
     """f of shape (nx, nv) → f(t + h), for operator (6) and any h: `lower(propagate(lift(f), h))`.
