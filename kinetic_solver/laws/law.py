@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Callable
 from typing import ClassVar
 
 import numpy as np
@@ -104,9 +105,14 @@ class PairLaw(CollisionLaw):
 
     def places(self, r: Array) -> tuple[Array, Array]:
         """`after` for many relative velocities."""
-        both = np.array([self.after(float(one), *self.numbers) for one in r], dtype=float).reshape(len(r), 2)
-        return both[:, 0], both[:, 1]
+        return outcomes(type(self).after, self.numbers, r)
 
     def frequency(self, density: float, temperature: float) -> float:
         """Sρ√θ."""
         return self.cross_section * density * math.sqrt(temperature)
+
+
+def outcomes(after: Callable[..., tuple[float, float]], numbers: tuple[float, ...], r: Array) -> tuple[Array, Array]:
+    """`PairLaw.after` of a law with these numbers, for many relative velocities."""
+    both = np.array([after(one, *numbers) for one in r.tolist()], dtype=float).reshape(len(r), 2)
+    return both[:, 0], both[:, 1]

@@ -6,7 +6,9 @@ uniform grid r = m dv, so that the places depend on m alone: a sum over m of con
 
 from __future__ import annotations
 
+import functools
 import math
+from collections.abc import Callable
 
 import numba
 import numpy as np
@@ -14,9 +16,14 @@ from numpy.typing import NDArray
 
 from kinetic_solver.arrays import Array
 from kinetic_solver.laws import PairLaw
+from kinetic_solver.laws.law import outcomes
 
 POINTS = {"linear": 2, "cubic": 4, "quintic": 6}
 """Of each deposit's stencil: the order of its error in dv."""
+
+MOST_TABLES = 16
+"""That are kept, of nv rows each: a run looks at a handful of grids again and again (4, asked for 556 times, in
+scenes/relaxation.toml)."""
 
 UNCHANGED = 1e-15
 """Of r: a pair that moves by less stays as it is."""
@@ -36,19 +43,14 @@ class PairCollisions:
         self.velocity, self.law, self.deposit = velocity, law, deposit
         self.conserves = law.conserves
         self.dv = float(velocity[1] - velocity[0])
-        apart = np.arange(velocity.size, dtype=np.int64)
-        r = self.dv * apart[1:].astype(float)
-        parts = [place / r for place in law.places(r)]
-        slower, faster = (np.append(0.0, part) * apart.astype(float) for part in parts)
-        self._linear = _stencils(slower, faster, apart, 2)
-        self._high = _stencils(slower, faster, apart, POINTS[deposit])
+        kind, numbers = type(law).after, law.numbers
+        self._linear, self._high, self.idle = _tables(kind, numbers, velocity.size, self.dv, POINTS[deposit])
+        """`idle`: True where no pair changes anything."""
         # Near r = 0 the integrand of a law that keeps momentum is r [a² + b² - r²]/2 f² φ'' + ..., whose sum over r = m dv misses
         # its integral by dv⁴/720 times the third derivative (Euler-Maclaurin): only the quintic deposit is that accurate.
         near = 1e-6 * self.dv
-        a, b = (float(place[0]) / near for place in law.places(np.array([near])))
+        a, b = (float(place[0]) / near for place in outcomes(kind, numbers, np.array([near])))
         self._kink = (1 - a * a - b * b) / 240 if deposit == "quintic" and "momentum" in law.conserves else 0.0
-        self.idle = bool(np.all(parts[0] < UNCHANGED) and np.all(parts[1] > 1 - UNCHANGED))
-        """True where no pair changes anything."""
 
     def rate(self, f: Array) -> Array:
         if self.idle:
@@ -90,6 +92,19 @@ class PairCollisions:
 
 Stencils = tuple[NDArray[np.int64], Array, NDArray[np.int64], Array]
 """First indices (nv,), counted from the slower particle, and weights (nv, points), of the one and of the other place."""
+
+
+@functools.lru_cache(maxsize=MOST_TABLES)
+def _tables(
+    after: Callable[..., tuple[float, float]], numbers: tuple[float, ...], nv: int, dv: float, points: int
+) -> tuple[Stencils, Stencils, bool]:
+    """(linear stencils, those of so many points, whether no pair changes anything). They are read only: runs share them."""
+    apart = np.arange(nv, dtype=np.int64)
+    r = dv * apart[1:].astype(float)
+    parts = [place / r for place in outcomes(after, numbers, r)]
+    slower, faster = (np.append(0.0, part) * apart.astype(float) for part in parts)
+    idle = bool(np.all(parts[0] < UNCHANGED) and np.all(parts[1] > 1 - UNCHANGED))
+    return _stencils(slower, faster, apart, 2), _stencils(slower, faster, apart, points), idle
 
 
 def _stencils(slower: Array, faster: Array, apart: NDArray[np.int64], points: int) -> Stencils:
