@@ -14,7 +14,7 @@ from kinetic_solver.errors import SceneError
 from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.operators.velocity.kernel import resolved_spacing
 from kinetic_solver.plan import in_t, in_v, in_x, measured
-from kinetic_solver.plan.criterion import Criterion, strictest
+from kinetic_solver.plan.criterion import strictest
 from kinetic_solver.plan.moving_frame import ReferenceFrame
 from kinetic_solver.plan.scales import Scales
 from kinetic_solver.plan.waves import Waves
@@ -152,34 +152,45 @@ def deposit(scene: Scene) -> tuple[Deposit | None, str | None]:
 def time_step(
     scales: Scales, waves: Waves, stepping: SteppingScheme, velocity: VelocityScheme, width: float
 ) -> tuple[float | None, str | None]:
-    """The longest step (None: from frame to frame), and the reason where it was not given; `width` is the window's."""
+    """The longest step (None: from time 0 to each frame), and the reason where it was not given; `width` is the window's."""
     scene, given = scales.scene, scales.scene.grid.time_step
-    if scene.operator is None:
-        return None, None
+    if stepping == "exact":
+        return _exact_step(scales, waves, velocity, width)
     if given:
-        return (min(given, in_t.farthest_exact_step(scales)) if stepping == "exact" else given), None
+        return given, None
     if stepping == "strang":
         found = in_t.longest_strang_step(scales, waves)
         return found.value, found.reason
     limits = [in_t.longest_gap(scales)]
-    if stepping == "extrapolated" and scene.output.budgets is not False:
+    if scene.output.budgets is not False:
         limits.append(in_t.budget_step(scales))
     if scene.operator == INELASTIC:
         limits.append(in_t.longest_believed(scales, waves))
-    if stepping == "exact":
-        farthest = in_t.farthest_exact_step(scales)
-        limits.append(Criterion(farthest, "how far collisions move the flow within a step"))
-        if velocity == "points" and scene.grid.nv is None:
-            limits.append(Criterion(cheapest_exact_step(scales, waves, width), "fewest points in v"))
     found = strictest(limits)
-    return found.value, ("exact; " if stepping == "exact" else "error control; at most ") + found.reason
+    return found.value, "error control; at most " + found.reason
 
 
-def cheapest_exact_step(scales: Scales, waves: Waves, width: float) -> float:
+def _exact_step(scales: Scales, waves: Waves, velocity: VelocityScheme, width: float) -> tuple[float | None, str | None]:
+    """From link to link: of the run's length, whatever the frames."""
+    scene, given = scales.scene, scales.scene.grid.time_step
+    farthest = in_t.filling(scales, in_t.farthest_exact_step(scales)) if scene.operator is not None else scales.end
+    if scene.operator is not None and given:
+        return in_t.filling(scales, min(given, farthest)), None
+    cheapest = farthest
+    if velocity == "points" and scene.grid.nv is None:
+        cheapest = cheapest_exact_step(scales, waves, width, farthest)
+    if scene.operator is None and cheapest == scales.end:
+        return None, None
+    return cheapest, "exact; " + (
+        "fewest points in v" if cheapest < farthest else "how far collisions move the flow within a step"
+    )
+
+
+def cheapest_exact_step(scales: Scales, waves: Waves, width: float, farthest: float) -> float:
     """Shorter steps shear less, so dv may be coarser, until the kernel of a step asks for a finer one."""
     best = (math.inf, 0.0)
     for n in EXACT_STEP_PARTS:
-        h = in_t.farthest_exact_step(scales) / n
+        h = in_t.filling(scales, farthest / n)
         points = width / strictest(in_v.spacings(scales, waves, in_v.Schemes("exact", "kernel", None, h))).value
         best = min(best, (n * points * (PRODUCT_COST + points), h))
     return best[1]

@@ -86,7 +86,7 @@ class Schemes:
 def spacings(scales: Scales, waves: Waves, schemes: Schemes) -> list[Criterion]:
     """Every bound of dv."""
     scene, model = scales.scene, scales.scene.model
-    bounds = [narrowest(scales, waves, schemes.time_step)]
+    bounds = [narrowest(scales, waves, schemes)]
     if (q := waves.phase_mixing) > 0:
         bounds.append(Criterion(math.pi / q, "phase mixing of the initial waves"))
     if scene.initial.eigenmodes:
@@ -98,12 +98,12 @@ def spacings(scales: Scales, waves: Waves, schemes: Schemes) -> list[Criterion]:
     return bounds
 
 
-def narrowest(scales: Scales, waves: Waves, time_step: float | None) -> Criterion:
+def narrowest(scales: Scales, waves: Waves, schemes: Schemes) -> Criterion:
     """A Gaussian of variance θ has the spectrum exp(-θq²/2). The linear step moves waves exp(ikx) by τ before noise damps them
     (operators/linear.py), which shifts their spectrum by kτ."""
-    gap = float(np.diff(scales.times).max())
+    longest = scales.end if schemes.stepping == "exact" else float(np.diff(scales.times).max())
     k, digits = waves.in_play
-    shear = k * half_transport_time(scales.scene.model.friction, gap if time_step is None else min(gap, time_step))
+    shear = k * half_transport_time(scales.scene.model.friction, min(longest, schemes.time_step or math.inf))
     spectrum = float((shear + np.sqrt(2 * digits / scales.theta_min)).max())
     return Criterion(min(math.pi / spectrum, math.sqrt(scales.theta_min) / NARROWEST), "the narrowest velocity distribution")
 

@@ -66,7 +66,7 @@ class Plan:
     drift_diffusion: DriftDiffusionScheme
     deposit: Deposit | None
     time_step: float | None
-    """The longest step; None: from frame to frame."""
+    """The longest step, for exact ones that from link to link of their chain; None: from time 0 to each frame."""
     shortest_step: float
     """Exact steps shorter than this are not built upon: their kernel is not resolved."""
     expected_steps: int

@@ -127,7 +127,8 @@ class March:
         within = taken.within
         points = self.scheme.representation.points
         f_within = None if within is None else lambda t: points(within(t - start))
-        self.now = seen = Observation.of(self.scheme, clock, taken.state, last.clock, taken.error, f_within)
+        stretch = None if taken.stretch is None else (start + taken.stretch[0], start + taken.stretch[1])
+        self.now = seen = Observation.of(self.scheme, clock, taken.state, last.clock, taken.error, f_within, stretch, taken.side)
         self.memory = taken.memory
         self._errors += taken.error
         self._shortest = min(self._shortest, taken.length)
@@ -145,6 +146,8 @@ class March:
         if judgement.problem is not None:
             return judgement.problem
         self.diagnostics = judgement.diagnostics
+        if self.scheme.exact:
+            self.estimate.parts(seen, self.diagnostics)  # links are the same whatever the frames
         return self._smaller() if clock < end else None
 
     def _stalled(self, found: Stalled) -> Problem | None:

@@ -209,7 +209,7 @@ def _when(seen: Observation) -> str:
 
 
 def amplified(seen: Observation) -> Array:
-    """max|f| over x at every velocity, times what operator (6) can still make of it. Shape (nv,)."""
+    """max|f| over x at every velocity, times what operator (6) can still make of what is built upon. Shape (nv,)."""
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         size = np.exp(np.log(np.abs(seen.f)) + _exponents(seen))
     return np.asarray(np.nan_to_num(size, nan=0.0, posinf=np.inf).max(axis=0))
@@ -226,7 +226,7 @@ def amplified_waves(seen: Observation) -> Array:
 def _exponents(seen: Observation) -> Array:
     """R w - R²θ/2 where positive, w = u - v, R = Sρ(1 - e^(-γt))/γ, t the time that is left; (nx, nv) or (1, 1)."""
     scene: Scene = seen.plan.inner
-    if scene.operator != FOLLOW_LEADER:
+    if scene.operator != FOLLOW_LEADER or seen.side:
         return np.zeros((1, 1))
     m = moments(seen.grid, seen.f)
     left = max(0.0, scene.run.end_time - seen.clock)

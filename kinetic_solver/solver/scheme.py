@@ -57,7 +57,7 @@ def make_stepper(plan: Plan, representation: Representation) -> Stepper:
     scene, rtol = plan.inner, plan.inner.accuracy.rtol
     longest = math.inf if plan.time_step is None else plan.time_step
     if scene.operator is None:
-        return ExactSteps(Plain(representation.linear))
+        return ExactSteps(Plain(representation.linear), longest)
     base = representation.split()
     if plan.stepping == "strang":
         assert plan.time_step is not None
