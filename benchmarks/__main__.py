@@ -20,6 +20,7 @@ NAMES = (
     "accuracy_cost",
     "random_scenes",
     "hard_cases",
+    "density_steps",
     "linear_theory",
     "particles_speed",
     "time_to_accuracy",

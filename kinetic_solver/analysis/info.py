@@ -52,7 +52,19 @@ def summary(dataset: xr.Dataset) -> list[str]:
         if name in dataset:
             worst = dataset[name].min() if name == "minimum_of_f" else dataset[name].max()
             lines.append(f"{name:<20}{float(worst):.2g}   {dataset[name].attrs['long_name']}")
-    for name in ("limited_by", "grids", "certified", "cells", "overtakings", "weight", "warning", "first", "second", "verdict"):
+    for name in (
+        "limited_by",
+        "grids",
+        "missing",
+        "certified",
+        "cells",
+        "overtakings",
+        "weight",
+        "warning",
+        "first",
+        "second",
+        "verdict",
+    ):
         if name in a:
             lines.append(f"{name:<12}{a[name]}")
     lines.append(f"scene       {a.get('scene', 'none')}")

@@ -6,6 +6,7 @@ from kinetic_solver.initial.fields import (
     density_integral,
     mean_velocity,
     resolved_density,
+    resolved_lifted_density,
     start_state,
     temperature,
 )
@@ -25,6 +26,7 @@ __all__ = [
     "maxwellian",
     "mean_velocity",
     "resolved_density",
+    "resolved_lifted_density",
     "start_state",
     "temperature",
 ]

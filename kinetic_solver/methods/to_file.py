@@ -77,7 +77,8 @@ def _grid(job: Job) -> list[str]:
         report = integrate(plan, recorder, job.progress)
     recorder.close(report=report.attributes())
     rtol = job.scene.accuracy.rtol
-    return [f"estimated error {report.error:.2g} of max f (accuracy.rtol = {rtol:g}); limited by {report.limited_by}"]
+    lines = [f"estimated error {report.error:.2g} of max f (accuracy.rtol = {rtol:g}); limited by {report.limited_by}"]
+    return lines + ([f"missing: {report.missing}"] if report.missing else [])
 
 
 def _exact(job: Job) -> list[str]:

@@ -32,6 +32,11 @@ WORTH_MOVING = 1.5
 """How many times narrower a moving frame must make the window: frames are interpolated then. Chosen."""
 FINITE_VOLUMES_COARSER = 4.0
 """How many times the dv of the kernel finite volumes of order 8 must allow, to take its place. Chosen: they are less accurate."""
+JUMP_IN_THE_LOCAL_GAUGE = 1e-4
+"""rtol of f at most, where (6) steps a jump in the local gauge: on fewer points its first, unresolved moments spoil the budgets.
+Chosen: R* = 4."""
+LEAST_RTOL = 1e-10
+"""Nothing finer is asked of f: round-off is near."""
 LINEAR_ENOUGH = 1e-2
 """rtol from which on operator (12) takes the linear deposit, which is positive."""
 PRODUCT_COST = 200
@@ -41,6 +46,19 @@ EXACT_STEP_PARTS = (1, 1.5, 2, 3, 4, 6, 8, 12, 16)
 """Parts of the farthest exact step that are tried."""
 HERMITE_NEAR = (0.5, 1.5)
 """Temperatures over σ between which Hermite functions of variance σ are few: coefficients fall as |1 - θ/σ|^(n/2). Chosen."""
+
+
+def for_thin_places(scales: Scales) -> Scene:
+    """The scene with the rtol that f must meet, so that mean velocity and temperature, ratios of its moments, meet that of the
+    scene wherever they are given: at a density down to rtol of the largest (solver/writer.py)."""
+    scene, rtol = scales.scene, scales.rtol
+    if Waves(scales).products_of_a_step and scene.operator == FOLLOW_LEADER:
+        rtol = min(rtol, JUMP_IN_THE_LOCAL_GAUGE)
+    if scene.output.moments is False:
+        return scene.model_copy(update={"accuracy": scene.accuracy.model_copy(update={"rtol": rtol})})
+    least = measured.LEAST_RTOL_OF_A_STEP if scene.operator == INELASTIC and scene.initial.step is not None else LEAST_RTOL
+    of_f = min(rtol, max(least, scales.stricter(rtol)))
+    return scene.model_copy(update={"accuracy": scene.accuracy.model_copy(update={"rtol": of_f})})
 
 
 def check_given(scales: Scales) -> None:

@@ -13,14 +13,15 @@ import numpy as np
 
 from kinetic_solver import initial
 from kinetic_solver.arrays import Array
+from kinetic_solver.operators.linear import FADED
 from kinetic_solver.operators.velocity.kernel import resolution, resolved_spacing
 from kinetic_solver.plan import in_t, measured
 from kinetic_solver.plan.criterion import Criterion
 from kinetic_solver.plan.scales import Scales
 from kinetic_solver.plan.waves import DROPPED, Waves
-from kinetic_solver.scene import FOLLOW_LEADER, Deposit, DriftDiffusionScheme, SteppingScheme
+from kinetic_solver.scene import FOLLOW_LEADER, Deposit, DriftDiffusionScheme, Model, SteppingScheme
 from kinetic_solver.stability.homogeneous import homogeneous_state
-from kinetic_solver.theory.ornstein_uhlenbeck import half_transport_time, transition
+from kinetic_solver.theory.ornstein_uhlenbeck import bridge_variance, half_transport_time, transition
 
 LEAST_POINTS = 8
 """In v: fewer hold no distribution."""
@@ -103,9 +104,18 @@ def narrowest(scales: Scales, waves: Waves, schemes: Schemes) -> Criterion:
     (operators/linear.py), which shifts their spectrum by kτ."""
     longest = scales.end if schemes.stepping == "exact" else float(np.diff(scales.times).max())
     k, digits = waves.in_play
-    shear = k * half_transport_time(scales.scene.model.friction, min(longest, schemes.time_step or math.inf))
+    model, longest = scales.scene.model, min(longest, schemes.time_step or math.inf)
+    shear = k * np.array([half_transport_time(model.friction, h) for h in _until_faded(model, k, longest).tolist()])
     spectrum = float((shear + np.sqrt(2 * digits / scales.theta_min)).max())
     return Criterion(min(math.pi / spectrum, math.sqrt(scales.theta_min) / NARROWEST), "the narrowest velocity distribution")
+
+
+def _until_faded(model: Model, k: Array, longest: float) -> Array:
+    """The longest step that moves waves k: those that noise damps away within it are left out (operators/linear.py)."""
+    h = longest * np.geomspace(1e-6, 1.0, 300)
+    bridge = np.array([bridge_variance(model, float(step)) for step in h])
+    gone = [np.searchsorted(bridge * wave**2, 2 * FADED) for wave in k.tolist()]
+    return np.asarray(h[np.minimum(gone, h.size - 1)])
 
 
 def exact_step_spacing(scales: Scales, waves: Waves, h: float) -> float:

@@ -35,8 +35,13 @@ def points(scales: Scales, waves: Waves) -> Criterion:
     reason = f"{n} modes of the initial state"
     if scene.operator is not None:
         more = fronts(scales, scales.density) if scene.operator == FOLLOW_LEADER else followers(scales, waves)
-        n = _with_room(2 * n + more.value, waves)
-        reason += f", their products, and {math.ceil(more.value)} for {more.reason}"
+        if scene.initial.step is not None and not waves.products_of_a_step:
+            # f exp(SΦ) is what evolves, from waves that are known: nothing is multiplied.
+            n = _with_room(max(n, more.value), waves)
+            reason += f" times exp(SΦ), and no fewer than {math.ceil(more.value)} for {more.reason}"
+        else:
+            n = _with_room(2 * n + more.value, waves)
+            reason += f", their products, and {math.ceil(more.value)} for {more.reason}"
         if scene.operator == FOLLOW_LEADER and scene.initial.step is None and not waves.local_gauge:
             # The global gauge transforms f exp(SΦ), which has waves of its own.
             n = max(n, math.ceil(WATCHED * waves.highest(waves.lifted_amplitudes)))

@@ -78,8 +78,14 @@ class Plan:
 
     @property
     def inner(self) -> Scene:
-        """What is stepped: the scene in its frame of reference."""
+        """What is stepped: the scene in its frame of reference; its rtol is that of f (`choices.for_thin_places`)."""
         return self.scales.scene
+
+    @property
+    def tolerance(self) -> str:
+        """That of f, in words: for messages."""
+        asked, of_f = self.scene.accuracy.rtol, self.inner.accuracy.rtol
+        return f"accuracy.rtol = {asked:g}" + (f", {of_f:.2g} of f, for u and θ where it is thin" if of_f < asked else "")
 
     @property
     def times(self) -> Array:
@@ -133,12 +139,13 @@ def make_plan(scene: Scene) -> Plan:
 
 def _make_plan(scene: Scene, known: Mapping[str, str]) -> Plan:
     schedule = Schedule.of(scene, VARIABLES)
-    here = scales_of(scene, schedule.times)
+    stricter = choices.for_thin_places(scales_of(scene, schedule.times))
+    here = scales_of(stricter, schedule.times)
     choices.check_given(here)
 
     def clocked(frame: ReferenceFrame) -> Scales:
         times = np.array([frame.clock(float(time)) for time in schedule.times])
-        return scales_of(frame.scene(scene), times, scene.model.friction)
+        return scales_of(frame.scene(stricter), times, scene.model.friction)
 
     frame, scales = choices.reference_frame(here, clocked)
     waves, inner = Waves(scales), scales.scene

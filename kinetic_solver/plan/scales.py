@@ -20,6 +20,9 @@ POINTS = 4096
 """Places on the pipe at which the start is looked at: enough for a wave of mode 500."""
 TAIL = 40.0
 """A Gaussian counts as ended where it has fallen to rtol over this; a cell further in it is a few times more."""
+THIN = 10.0
+"""How many times thinner than the densest a place may be before f must be more accurate than rtol for the sake of its mean
+velocity and temperature. tests/convergence/test_thin_places.py."""
 HAFF_SHORT = 2.0
 """A cooling gas does not stay Maxwellian, and was seen up to so many times colder than Haff's law has it (docs/accuracy.md)."""
 KNOWN_STATES = (1e-6, 1e6)
@@ -75,6 +78,21 @@ class Scales:
     def theta_max(self) -> float:
         """The hottest temperature at any place and time: bounds the window."""
         return max(float(self.temperature.max()), self.theta_end)
+
+    @property
+    def thinnest(self) -> float:
+        """The least density at the start, over the largest."""
+        return float(self.density.min()) / self.rho_max
+
+    def stricter(self, rtol: float) -> float:
+        """What f must meet for its mean velocity and temperature to meet rtol, where density is rtol of its largest or more."""
+        return THIN * max(rtol, self.thinnest) * rtol
+
+    def asked_for(self, of_f: float) -> float:
+        """The least accuracy.rtol at which no more than this is asked of f."""
+        if self.scene.output.moments is False:
+            return of_f
+        return max(of_f, min(of_f / THIN / max(self.thinnest, 1e-300), math.sqrt(of_f / THIN)))
 
     @property
     def means(self) -> tuple[float, float]:

@@ -276,7 +276,7 @@ class March:
     def _report(self) -> Report:
         place = self.scheme.plan.reference_frame.place
         grids = [f"t = {place(time).time:.4g}: {g.nx} × {g.nv} on [{g.low:.4g}, {g.high:.4g}]" for time, g in self.grids]
-        return Report(self.estimate.total, self.estimate.limited_by(), "; ".join(grids))
+        return Report(self.estimate.total, self.estimate.limited_by(), "; ".join(grids), self.writer.missing)
 
 
 def _substeps(scheme: Scheme) -> int:

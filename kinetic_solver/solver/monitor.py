@@ -175,7 +175,7 @@ class Monitor:
         rtol = seen.plan.inner.accuracy.rtol
         if loss.value <= (1.0 if loss.given else share) * rtol:
             return None
-        text = f"{loss.text} (accuracy.rtol = {rtol:g})"
+        text = f"{loss.text} ({seen.plan.tolerance})"
         if not loss.given:
             return Problem(loss.what, loss.value, _when(seen), text)
         remedy = loss.text.split(";")[1]
@@ -189,7 +189,7 @@ def _too_coarse(seen: Observation) -> Problem | None:
     """Whether the Hermite functions are enough, or dv is fine enough, where it is rtol's to choose."""
     plan, rtol = seen.plan, seen.plan.inner.accuracy.rtol
     if plan.velocity == "hermite" and free(plan, "nv") and (tail := last_functions(seen)) > LAST_FUNCTIONS * rtol:
-        text = f"the last Hermite functions carry {tail:.2g} of f; raise grid.nv (accuracy.rtol = {rtol:g})"
+        text = f"the last Hermite functions carry {tail:.2g} of f; raise grid.nv ({plan.tolerance})"
         return Problem("nv", tail, _when(seen), text)
     if free(plan, "low"):  # an edge that cuts f, as a given window's may, has short waves of its own
         folding = folds(plan)
@@ -197,9 +197,7 @@ def _too_coarse(seen: Observation) -> Problem | None:
         if plan.deposit is not None:
             error = max(error, deposit_error(seen, seen.clock) / (1.0 if folding else OVERRATED["deposits"]))
         if error > rtol:
-            text = (
-                f"the spacing in v is too coarse by an estimated {error:.2g} of max f; raise grid.nv (accuracy.rtol = {rtol:g})"
-            )
+            text = f"the spacing in v is too coarse by an estimated {error:.2g} of max f; raise grid.nv ({plan.tolerance})"
             return Problem("nv", error, _when(seen), text)
     return None
 

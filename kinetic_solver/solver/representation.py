@@ -6,7 +6,7 @@ from one grid to another.
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from kinetic_solver.operators.collisions import FollowLeader, FollowLeaderHermit
 from kinetic_solver.operators.collisions.protocol import CollisionRate
 from kinetic_solver.operators.linear import HermiteLinearStep, LinearStep
 from kinetic_solver.operators.linearised import GridLinearisedStep, HermiteLinearisedStep
+from kinetic_solver.operators.linearised.grid import Lifted
 from kinetic_solver.operators.moments import totals
 from kinetic_solver.operators.velocity import (
     DriftDiffusion,
@@ -59,6 +60,10 @@ class Representation(Protocol):
 
     def linearised(self, tolerance: float) -> GridLinearisedStep | HermiteLinearisedStep:
         """(2) with operator (6), exact in time."""
+        ...
+
+    def lifted_start(self, step: Any) -> Any:
+        """The start as that step holds it, where it is known better than from `start`; else None."""
         ...
 
     def split(self) -> BaseMethod:
@@ -103,6 +108,18 @@ class VelocityPoints:
             # Steps too short for the kernel are not built upon (stepping/exact_steps.py): its band-limited form will do.
             drift_diffusion = OrnsteinUhlenbeckKernel(grid, scene.model, resolution=resolution(scene.accuracy.rtol))
         return GridLinearisedStep(grid, scene.model, scene.cross_section, drift_diffusion, tolerance)
+
+    def lifted_start(self, step: GridLinearisedStep) -> Lifted | None:
+        """Of a step in the density, whose product with exp(SΦ) on the points would converge slowly: cut off after it."""
+        scene, grid = self.plan.inner, self.plan.grid
+        if scene.initial.step is None or scene.cross_section == 0:
+            return None
+        if self.plan.waves.local_gauge:
+            return Lifted(self.start(), is_global=False, jumps=True)
+        density = initial.resolved_lifted_density(scene, grid.x)
+        f = initial_state(scene, grid, np.ones(grid.nx))
+        f /= (f.sum(axis=1) * grid.dv)[:, None]
+        return step.lifted(f * density[:, None], scene.initial.density)
 
     def split(self) -> BaseMethod:
         operator = collision_operator(self.plan)
@@ -162,6 +179,9 @@ class HermiteCoefficients:
         return HermiteLinearisedStep(
             grid.length, grid.nx, self.basis, scene.model, scene.cross_section, scene.initial.density, tolerance
         )
+
+    def lifted_start(self, step: HermiteLinearisedStep) -> None:
+        return None
 
     def split(self) -> BaseMethod:
         scene = self.plan.inner

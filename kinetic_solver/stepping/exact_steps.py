@@ -29,8 +29,8 @@ class ExactStep(Protocol):
         """The lifted state after h. It may be kept: it is not changed later."""
         ...
 
-    def lower(self, lifted: Any) -> Array:
-        """f of a lifted state. `propagate` and this may raise LostAccuracy."""
+    def lower(self, lifted: Any, blur: float = 0.0) -> Array:
+        """f of a lifted state, blurred in x by a Gaussian of this variance. `propagate` and this may raise LostAccuracy."""
         ...
 
 
@@ -43,7 +43,7 @@ class Plain:
     def lift(self, f: Array) -> Array:
         return f
 
-    def lower(self, lifted: Array) -> Array:
+    def lower(self, lifted: Array, blur: float = 0.0) -> Array:
         return lifted
 
 
@@ -76,8 +76,9 @@ class ExactSteps:
     Links lie at multiples of `spacing`, counted from time 0, each at least `shortest` after the one before. They depend on no
     interval: a time that is asked for costs one step from the chain, which nothing is built upon, so that however many are asked
     for, the answers are the same (tests/convergence/test_frames.py). A time less than `shortest` after a link is reached from the
-    link before it, and before the second link by `early`, if given. `fallback` takes over a step that loses its accuracy, with a
-    warning; without it LostAccuracy is raised.
+    link before it, and before the second link by `early`, if given. `start` is the lifted state at time 0, where it is known
+    better than from the state itself; `blur` is the variance by which a state must be blurred to be resolved, too early for any
+    frame. `fallback` takes over a step that loses its accuracy, with a warning; without it LostAccuracy is raised.
     """
 
     order = math.inf
@@ -90,15 +91,21 @@ class ExactSteps:
         shortest: float = 0.0,
         early: Callable[[float], Array] | None = None,
         fallback: Stepper | None = None,
+        start: Any = None,
+        blur: Callable[[float], float] = lambda time: 0.0,
     ) -> None:
         self.exact = step_of
         self.spacing = spacing
         self.shortest = shortest
         self.early = early
         self.fallback = fallback
+        self.start = start
+        self.blur = blur
         self._warned = False
 
     def begin(self, state: Array, time: float) -> Chain:
+        if time == 0 and self.start is not None:
+            return Chain((Link(time, self.start),), time)
         try:
             return Chain((Link(time, self.exact.lift(state)),), time)
         except LostAccuracy as lost:  # as the start is, so all that follows: there is nothing to return to
@@ -164,7 +171,7 @@ class ExactSteps:
 
         def exact() -> tuple[Any, Array]:
             new = self.exact.propagate(link.lifted, h)
-            return new, self.exact.lower(new)
+            return new, self.exact.lower(new, self.blur(time))
 
         return self._or_fall_back(exact, link, time)
 

@@ -327,7 +327,7 @@ class Counting:
         middle = LAMBDA / (2 * C)
         return 3 * (middle + riccati(lifted / 3 - middle, BETA + LAMBDA**2 / (4 * C), h))
 
-    def lower(self, lifted: Array) -> Array:
+    def lower(self, lifted: Array, blur: float = 0.0) -> Array:
         return lifted / 3
 
 
