@@ -71,6 +71,19 @@ class Solution:
             q[i] = w.weight @ (c**3 + 3 * c * w.variance)
         return rho, u, theta, q
 
+    def start_totals(self) -> tuple[float, float]:
+        """(momentum, energy) at time 0, by Gauss-Legendre panels between the jumps, or the trapezoidal rule over a period."""
+        length = self.scene.pipe.length
+        modes = (*self.scene.initial.modes, *self.scene.initial.velocity_modes, *self.scene.initial.temperature_modes)
+        count = 64 + 8 * max((m.mode for m in modes), default=0)
+        if self.scene.initial.step is None:
+            y: Array = length * np.arange(count) / count
+            weights = np.full(count, length / count)
+        else:
+            y, weights = self._nodes(0.0, length, length / count)
+        rho, u, theta = self._start(y)
+        return float(weights @ (rho * u)), float(weights @ (rho * (u**2 + theta))) / 2
+
     def _start(self, y: Array) -> tuple[Array, Array, Array]:
         s = self.scene
         return initial.density(s, y), initial.mean_velocity(s, y, self.u0), initial.temperature(s, y, self.theta0)

@@ -26,7 +26,7 @@ DROPPED = 10.0
 """Waves of a relative amplitude below rtol over this are left out. Chosen: ten such waves in step make rtol."""
 MOST_MODES = 20_000
 """More are asked for by mistake, not by need."""
-MOST_OF_A_STEP = {"none": 20_000, "global": 17_000, "products": 7_900}
+MOST_OF_A_STEP = {"none": 20_000, "global": 17_000, "products": 2_500}
 """Modes of a density step: without collisions, with (6) in the global gauge, and where products need twice as many."""
 MOST_RTOL = 0.1
 """The largest accuracy.rtol that a scene may have."""

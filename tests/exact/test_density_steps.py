@@ -11,7 +11,7 @@ import pytest
 
 from kinetic_solver import Scene, SceneError, exact, initial, solve
 from kinetic_solver.plan import make_plan
-from kinetic_solver.scene import Output, Run
+from kinetic_solver.scene import Grid, Output, Run
 
 MakeScene = Callable[..., Scene]
 STEP = {"modes": [], "step": {"from": 0.2, "to": 0.45, "ratio": 3.0}}
@@ -102,3 +102,29 @@ def test_early_frames(make_scene: MakeScene, cross_section: float) -> None:
         output={"budgets": False},
     )  # fmt: skip
     assert worst(scene) <= 1e-5
+
+
+@pytest.mark.parametrize("cross_section", [0.0, 0.9])
+def test_totals_of_the_closed_form(make_scene: MakeScene, cross_section: float) -> None:
+    """Of a step, on 16 places: the mass, what gravity and friction make of momentum, and at time 0 all three, to 1e-9; a grid run
+    agrees as far as its own window goes."""
+    scene = make_scene(
+        collisions=follow(cross_section), initial={**STEP, "mean_velocity": 0.4, "temperature": 0.6},
+        run={"end_time": 1.2}, accuracy={"rtol": 1e-5}, grid={"nx": 16},
+    )  # fmt: skip
+    truth = exact.solve(scene)
+    run = solve(scene.model_copy(update={"grid": Grid()}))
+    assert truth["mass"].values == pytest.approx([7.2, 7.2], rel=1e-12)
+    assert float(truth["momentum"][0]) == pytest.approx(0.4 * 7.2, rel=1e-12)
+    assert float(truth["energy"][0]) == pytest.approx(7.2 * (0.16 + 0.6) / 2, rel=1e-12)
+    for name in ("momentum", "energy"):
+        assert float(truth[name][1]) == pytest.approx(float(run[name][1]), rel=2e-5)
+
+
+def test_points_that_show_nothing_are_refused(make_scene: MakeScene) -> None:
+    with pytest.raises(
+        SceneError, match=r"grid\.velocity_window: from 40 to 50 f is zero everywhere; allowed: velocities between"
+    ):
+        exact.solve(make_scene(grid={"velocity_window": (40.0, 50.0)}))
+    with pytest.raises(SceneError, match=r"grid\.nx: one place does not hold a scene that depends on x"):
+        exact.solve(make_scene(grid={"nx": 1}))
