@@ -21,6 +21,7 @@ NAMES = (
     "accuracy_cost",
     "random_scenes",
     "hard_cases",
+    "density_steps",
     "linear_theory",
     "hydrodynamics",
     "heat_flux",

@@ -12,7 +12,7 @@ import numpy as np
 
 from kinetic_solver.dataset import VARIABLES, MemoryRecorder
 from kinetic_solver.errors import SceneError, SolverStopped
-from kinetic_solver.plan import Plan, make_plan
+from kinetic_solver.plan import Plan, in_t, make_plan
 from kinetic_solver.plan.in_x import fast_odd
 from kinetic_solver.scene import Accuracy, Scene, Schedule
 from kinetic_solver.solver import integrate
@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 RATIO = 1.5
 """Factor on nx, nv and the number of steps from one refinement to the next."""
+ENLARGEMENTS = 4
+"""Times that a grid on which a run stops is enlarged by RATIO. Chosen."""
 FIELDS = ("f", "density", "mean_velocity", "temperature")
 """Fields that get error bars."""
 DIRECTIONS = ("x", "v", "t")
@@ -49,10 +51,9 @@ def certify(scene: Scene, run: xr.Dataset, say: Callable[[str], None] = lambda t
     names = [name for name in FIELDS if name in run]
     if not names:
         raise SceneError("output: f and moments are both false; allowed: one of them at least")
-    plan = make_plan(scene)
+    plan, fixed = _holding(make_plan(scene), say)
     truth = _solve(_refined(plan, 2), "everything refined twice", say)
     once = _solve(_refined(plan, 1), "everything refined once", say)
-    fixed = _solve(_refined(plan, 0), "the grid of the run's start, fixed", say)
     coarser = {name: _try(_coarsened(plan, name), f"{name} coarsened", say) for name in DIRECTIONS}
     data: dict[str, Any] = {}
     for name in names:
@@ -90,6 +91,18 @@ def _solve(plan: Plan, what: str, say: Callable[[str], None]) -> xr.Dataset:
         integrate(plan, recorder)
     recorder.close()
     return recorder.dataset()
+
+
+def _holding(plan: Plan, say: Callable[[str], None]) -> tuple[Plan, xr.Dataset]:
+    """A plan whose grid holds the run to its end unchanged, and that run: runs enlarge the grid of their start if need be."""
+    for _ in range(ENLARGEMENTS):
+        try:
+            return plan, _solve(_refined(plan, 0), "the grid of the run's start, fixed", say)
+        except SolverStopped:
+            g = plan.grid
+            larger = dataclasses.replace(g, nx=_points(g.nx, RATIO), nv=math.ceil(RATIO * g.nv))
+            plan = dataclasses.replace(plan, grid=larger)
+    return plan, _solve(_refined(plan, 0), "a larger grid, fixed", say)
 
 
 def _try(plan: Plan, what: str, say: Callable[[str], None]) -> xr.Dataset | None:
@@ -130,9 +143,10 @@ def _fixed(plan: Plan, nx: int, nv: int, window: tuple[float, float], steps: flo
     step = plan.time_step / steps if plan.time_step is not None and not plan.controlled else plan.time_step
     quiet = plan.scene.output.model_copy(update={"scalars": False, "budgets": False, "moment_equations": False})
     scene = plan.scene.model_copy(update={"output": quiet})
+    shortest = in_t.shortest_exact_step(plan.scales, plan.waves, grid) if plan.shortest_step > 0 else 0.0
     schedule = Schedule.of(scene, VARIABLES)
     return dataclasses.replace(
-        plan.with_inner(inner), scene=scene, schedule=schedule, grid=grid, time_step=step, shortest_step=0.0
+        plan.with_inner(inner), scene=scene, schedule=schedule, grid=grid, time_step=step, shortest_step=shortest
     )
 
 

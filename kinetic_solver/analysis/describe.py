@@ -156,7 +156,7 @@ _VELOCITIES = {
 
 def _stepping(plan: Plan) -> str:
     if plan.scene.operator is None:
-        return "one exact step from frame to frame"
+        return "one exact step from time 0 to each frame"
     if plan.stepping == "exact":
         return "exact steps: (2) with (6), linearised"
     if plan.stepping == "strang":

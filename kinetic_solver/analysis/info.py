@@ -62,6 +62,7 @@ def summary(dataset: xr.Dataset) -> list[str]:
         "error_L1",
         "jumps_from",
         "grids",
+        "missing",
         "certified",
         "cells",
         "overtakings",

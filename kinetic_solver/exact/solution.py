@@ -29,6 +29,9 @@ from kinetic_solver.theory.ornstein_uhlenbeck import transition
 
 MANY = 5000
 """Terms of a mixture from which only those near a velocity are summed."""
+PULSE_POINTS = 4.0
+"""Points over the pipe, times a pulse's width, at which sums over a period of it and of its products with modes are exact to
+rounding."""
 SIGMAS = 10.0
 """Starting points further than this many standard deviations from the weights' bulk are left out: exp(-50) = 2e-22."""
 
@@ -81,6 +84,21 @@ class Solution:
         variance = np.asarray(sum(share * (theta + (u - mean) ** 2) for share, u, theta in parts))
         third = np.asarray(sum(share * (u - mean) * ((u - mean) ** 2 + 3 * theta) for share, u, theta in parts))
         return rho, mean, variance, rho * third
+
+    def start_totals(self) -> tuple[float, float]:
+        """(momentum, energy) at time 0, by Gauss-Legendre panels between the jumps, or the trapezoidal rule over a period."""
+        start, length = self.scene.initial, self.scene.pipe.length
+        modes = (*start.density_modes, *start.velocity_modes, *start.temperature_modes)
+        count = 64 + 8 * max((m.mode for m in modes), default=0)
+        if start.pulse is not None:
+            count = max(count, math.ceil(PULSE_POINTS / start.pulse.width))
+        if start.step is None:
+            y: Array = length * np.arange(count) / count
+            weights = np.full(count, length / count)
+        else:
+            y, weights = self._nodes(0.0, length, length / count)
+        rho, u, theta, _ = self._moments_of_the_start(y)
+        return float(weights @ (rho * u)), float(weights @ (rho * (u**2 + theta))) / 2
 
     def _weights(self, x: Array) -> Iterator[_Weights]:
         """For each x: what arrives there, as a mixture of Gaussians in v, one from each node y."""

@@ -8,6 +8,7 @@ from kinetic_solver.initial.fields import (
     density_integral,
     mean_velocity,
     resolved_density,
+    resolved_lifted_density,
     start_state,
     temperature,
 )
@@ -38,6 +39,7 @@ __all__ = [
     "notes_of",
     "recorded",
     "resolved_density",
+    "resolved_lifted_density",
     "start_state",
     "take",
     "temperature",

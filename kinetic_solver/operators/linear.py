@@ -27,8 +27,10 @@ from kinetic_solver.operators.transport import shift_phases
 from kinetic_solver.operators.velocity import DriftDiffusion, HermiteBasis
 from kinetic_solver.operators.velocity.hermite import propagators
 from kinetic_solver.scene import Model
-from kinetic_solver.theory.ornstein_uhlenbeck import excess_displacement, half_transport_time
+from kinetic_solver.theory.ornstein_uhlenbeck import bridge_variance, excess_displacement, half_transport_time
 
+FADED = 40.0
+"""e^-40 is 4e-18 of a wave: below rounding."""
 TABLES = 12
 """Step lengths whose tables are kept. An extrapolated step uses four, those of 1, 2, 3 and 4 substeps: room for three steps."""
 
@@ -48,6 +50,9 @@ class LinearStep:
 
     With `growth` R [1/length] the function stepped is f exp(Rx), and what is returned its periodic part up to one constant
     factor: that step conserves nothing.
+
+    Waves in x that noise damps below e^-FADED, whatever they look like in v, are left out: before the kernel acts they may be
+    turned into waves in v that no dv holds.
     """
 
     def __init__(self, grid: PhaseSpaceGrid, model: Model, drift_diffusion: DriftDiffusion, growth: float = 0.0) -> None:
@@ -67,6 +72,7 @@ class LinearStep:
         if self.growth:
             # exp(R(x - τv)), about the middle of the window: the constant does not matter
             before *= np.exp(-self.growth * tau * (self.grid.v - (self.grid.low + self.grid.high) / 2))
+        before[faded(self.grid, self.model, h)] = 0.0
         after = before
         if gamma > 0:
             # -(k - iR)² = -k² + 2ikR + a constant: growth moves the diffusing waves
@@ -87,6 +93,11 @@ class LinearStep:
         spectrum = self._transform.forward(shifted)
         spectrum *= table.after
         return self._transform.inverse()
+
+
+def faded(grid: PhaseSpaceGrid, model: Model, h: float) -> NDArray[np.bool_]:
+    """Which waves noise has made smaller than rounding after h; (nx//2 + 1,)."""
+    return np.asarray(grid.wavenumbers**2 * bridge_variance(model, h) / 2 > FADED)
 
 
 class HermiteLinearStep:

@@ -15,16 +15,21 @@ from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.operators.collisions import has_deposit, has_hermite
 from kinetic_solver.operators.velocity.kernel import resolved_spacing
 from kinetic_solver.plan import in_t, in_v, in_x, measured
-from kinetic_solver.plan.criterion import Criterion, strictest
+from kinetic_solver.plan.criterion import strictest
 from kinetic_solver.plan.moving_frame import ReferenceFrame
 from kinetic_solver.plan.scales import Scales
 from kinetic_solver.plan.waves import Waves
-from kinetic_solver.scene import Deposit, DriftDiffusionScheme, SteppingScheme, VelocityScheme
+from kinetic_solver.scene import Deposit, DriftDiffusionScheme, Scene, SteppingScheme, VelocityScheme
 
 WORTH_MOVING = 1.5
 """How many times narrower a moving frame must make the window: frames are interpolated then. Chosen."""
 FINITE_VOLUMES_COARSER = 4.0
 """How many times the dv of the kernel finite volumes of order 8 must allow, to take its place. Chosen: they are less accurate."""
+JUMP_IN_THE_LOCAL_GAUGE = 1e-4
+"""rtol of f at most, where (6) steps a jump in the local gauge: on fewer points its first, unresolved moments spoil the budgets.
+Chosen: R* = 4."""
+LEAST_RTOL = 1e-10
+"""Nothing finer is asked of f: round-off is near."""
 LINEAR_ENOUGH = 1e-2
 """rtol from which on operator (12) takes the linear deposit, which is positive."""
 PRODUCT_COST = 200
@@ -34,6 +39,20 @@ EXACT_STEP_PARTS = (1, 1.5, 2, 3, 4, 6, 8, 12, 16)
 """Parts of the farthest exact step that are tried."""
 HERMITE_NEAR = (0.5, 1.5)
 """Temperatures over σ between which Hermite functions of variance σ are few: coefficients fall as |1 - θ/σ|^(n/2). Chosen."""
+
+
+def for_thin_places(scales: Scales) -> Scene:
+    """The scene with the rtol that f must meet, so that mean velocity and temperature, ratios of its moments, meet that of the
+    scene wherever they are given: at a density down to rtol of the largest (solver/writer.py)."""
+    scene, rtol = scales.scene, scales.rtol
+    if Waves(scales).products_of_a_step and scales.amplifies:
+        rtol = min(rtol, JUMP_IN_THE_LOCAL_GAUGE)
+    if scene.output.moments is False:
+        return scene.model_copy(update={"accuracy": scene.accuracy.model_copy(update={"rtol": rtol})})
+    coupled = scales.law is not None and not scales.amplifies
+    least = measured.LEAST_RTOL_OF_A_STEP if coupled and scene.initial.step is not None else LEAST_RTOL
+    of_f = min(rtol, max(least, scales.stricter(rtol)))
+    return scene.model_copy(update={"accuracy": scene.accuracy.model_copy(update={"rtol": of_f})})
 
 
 def check_given(scales: Scales) -> None:
@@ -154,34 +173,46 @@ def deposit(scales: Scales) -> tuple[Deposit | None, str | None]:
 def time_step(
     scales: Scales, waves: Waves, stepping: SteppingScheme, velocity: VelocityScheme, width: float
 ) -> tuple[float | None, str | None]:
-    """The longest step (None: from frame to frame), and the reason where it was not given; `width` is the window's."""
+    """The longest step (None: from time 0 to each frame), and the reason where it was not given; `width` is the window's."""
     scene, given = scales.scene, scales.scene.grid.time_step
-    if scales.law is None:
-        return None, None
+    if stepping == "exact":
+        return _exact_step(scales, waves, velocity, width)
     if given:
-        return (min(given, in_t.farthest_exact_step(scales)) if stepping == "exact" else given), None
+        return given, None
     if stepping == "strang":
         found = in_t.longest_strang_step(scales, waves)
         return found.value, found.reason
     limits = [in_t.longest_gap(scales)]
-    if stepping == "extrapolated" and scene.output.budgets is not False:
+    if scene.output.budgets is not False:
         limits.append(in_t.budget_step(scales))
     if not scales.amplifies:
         limits.append(in_t.longest_believed(scales, waves))
-    if stepping == "exact":
-        farthest = in_t.farthest_exact_step(scales)
-        limits.append(Criterion(farthest, "how far collisions move the flow within a step"))
-        if velocity == "points" and scene.grid.nv is None:
-            limits.append(Criterion(cheapest_exact_step(scales, waves, width), "fewest points in v"))
     found = strictest(limits)
-    return found.value, ("exact; " if stepping == "exact" else "error control; at most ") + found.reason
+    return found.value, "error control; at most " + found.reason
 
 
-def cheapest_exact_step(scales: Scales, waves: Waves, width: float) -> float:
+def _exact_step(scales: Scales, waves: Waves, velocity: VelocityScheme, width: float) -> tuple[float | None, str | None]:
+    """From link to link: of the run's length, whatever the frames."""
+    scene, given = scales.scene, scales.scene.grid.time_step
+    collide = scales.law is not None
+    farthest = in_t.filling(scales, in_t.farthest_exact_step(scales)) if collide else scales.end
+    if collide and given:
+        return in_t.filling(scales, min(given, farthest)), None
+    cheapest = farthest
+    if velocity == "points" and scene.grid.nv is None:
+        cheapest = cheapest_exact_step(scales, waves, width, farthest)
+    if not collide and cheapest == scales.end:
+        return None, None
+    return cheapest, "exact; " + (
+        "fewest points in v" if cheapest < farthest else "how far collisions move the flow within a step"
+    )
+
+
+def cheapest_exact_step(scales: Scales, waves: Waves, width: float, farthest: float) -> float:
     """Shorter steps shear less, so dv may be coarser, until the kernel of a step asks for a finer one."""
     best = (math.inf, 0.0)
     for n in EXACT_STEP_PARTS:
-        h = in_t.farthest_exact_step(scales) / n
+        h = in_t.filling(scales, farthest / n)
         points = width / strictest(in_v.spacings(scales, waves, in_v.Schemes("exact", "kernel", None, h))).value
         best = min(best, (n * points * (PRODUCT_COST + points), h))
     return best[1]

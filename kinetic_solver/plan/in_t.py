@@ -97,6 +97,11 @@ def longest_believed(scales: Scales, waves: Waves) -> Criterion:
     return Criterion(1 / commutation_rate(scales, waves), "where the error's estimate can be believed")
 
 
+def filling(scales: Scales, longest: float) -> float:
+    """The longest step, of at most this length, of which the run is a multiple."""
+    return scales.end / count_of(scales.end, longest)
+
+
 def longest_gap(scales: Scales) -> Criterion:
     return Criterion(float(np.diff(scales.times).max()), "from frame to frame")
 
@@ -107,8 +112,11 @@ def shortest_step_that_fills(scales: Scales, time_step: float) -> float:
 
 
 def expected_steps(scales: Scales, waves: Waves, stepping: SteppingScheme, time_step: float | None) -> int:
-    """How many steps a run will take; with error control, about."""
+    """How many steps a run will take; with error control, about. Exact ones end at frames and at the links of their chain."""
     h = math.inf if time_step is None else time_step
+    if stepping == "exact":
+        links = h * np.arange(1, count_of(scales.end, h)) if h < scales.end else np.empty(0)
+        return int(np.unique(np.round(np.concatenate([links, scales.times[1:]]) / scales.end, 9)).size)
     if stepping == "extrapolated" and scales.scene.grid.time_step is None:
         by_accuracy = (scales.rtol / measured.LAWSON_ERROR) ** 0.2 / commutation_rate(scales, waves)
         fastest = scales.collision_rate * scales.tail
@@ -123,12 +131,17 @@ def error_share(scales: Scales) -> float:
     return ERROR_SHARE[False]
 
 
-def mixing_times(scales: Scales, waves: Waves) -> Array:
-    """Ends of the intervals on which the budgets of an exact step are integrated while the start's waves mix: a few per mean free
-    flight across the shortest."""
+def budget_pieces(scales: Scales, waves: Waves) -> Array:
+    """Ends of the intervals on which the budgets of an exact step are integrated, besides its own: while the start's waves mix a
+    few per mean free flight across the shortest; and where the frame's clock runs as exp(-γt), two per relaxation time."""
+    pieces = np.empty(0)
+    if scales.lab_friction > scales.scene.model.friction:
+        clock = 1 - scales.lab_friction * scales.end  # exp(-γt) at the end
+        steps = np.arange(1, math.ceil(-2 * math.log(clock)))
+        pieces = -np.expm1(-steps / 2) / scales.lab_friction
     if scales.start.homogeneous:
-        return np.empty(0)
+        return pieces
     reach, most, per_mode = MIXING
     k, thermal = 2 * math.pi / scales.scene.pipe.length, math.sqrt(scales.theta_min)
     count = min(most, math.ceil(per_mode * waves.highest_mode))
-    return reach / (k * thermal) * (np.arange(count) + 1) / count
+    return np.union1d(pieces, reach / (k * thermal) * (np.arange(count) + 1) / count)

@@ -13,14 +13,15 @@ import numpy as np
 
 from kinetic_solver import initial
 from kinetic_solver.arrays import Array
+from kinetic_solver.operators.linear import FADED
 from kinetic_solver.operators.velocity.kernel import resolution, resolved_spacing
 from kinetic_solver.plan import in_t, measured
 from kinetic_solver.plan.criterion import Criterion
 from kinetic_solver.plan.scales import Scales
 from kinetic_solver.plan.waves import DROPPED, Waves
-from kinetic_solver.scene import Deposit, DriftDiffusionScheme, SteppingScheme
+from kinetic_solver.scene import Deposit, DriftDiffusionScheme, Model, SteppingScheme
 from kinetic_solver.stability.homogeneous import homogeneous_state
-from kinetic_solver.theory.ornstein_uhlenbeck import half_transport_time, transition
+from kinetic_solver.theory.ornstein_uhlenbeck import bridge_variance, half_transport_time, transition
 
 LEAST_POINTS = 8
 """In v: fewer hold no distribution."""
@@ -89,7 +90,7 @@ class Schemes:
 def spacings(scales: Scales, waves: Waves, schemes: Schemes) -> list[Criterion]:
     """Every bound of dv."""
     scene, model = scales.scene, scales.scene.model
-    bounds = [narrowest(scales, waves, schemes.time_step)]
+    bounds = [narrowest(scales, waves, schemes)]
     if (q := waves.phase_mixing) > 0:
         bounds.append(Criterion(math.pi / q, "phase mixing of the initial waves"))
     if scene.initial.eigenmodes:
@@ -101,14 +102,23 @@ def spacings(scales: Scales, waves: Waves, schemes: Schemes) -> list[Criterion]:
     return bounds
 
 
-def narrowest(scales: Scales, waves: Waves, time_step: float | None) -> Criterion:
+def narrowest(scales: Scales, waves: Waves, schemes: Schemes) -> Criterion:
     """A Gaussian of variance θ has the spectrum exp(-θq²/2). The linear step moves waves exp(ikx) by τ before noise damps them
     (operators/linear.py), which shifts their spectrum by kτ."""
-    gap = float(np.diff(scales.times).max())
+    longest = scales.end if schemes.stepping == "exact" else float(np.diff(scales.times).max())
     k, digits = waves.in_play
-    shear = k * half_transport_time(scales.scene.model.friction, gap if time_step is None else min(gap, time_step))
+    model, longest = scales.scene.model, min(longest, schemes.time_step or math.inf)
+    shear = k * np.array([half_transport_time(model.friction, h) for h in _until_faded(model, k, longest).tolist()])
     spectrum = float((shear + np.sqrt(2 * digits / scales.theta_min)).max())
     return Criterion(min(math.pi / spectrum, math.sqrt(scales.theta_min) / NARROWEST), "the narrowest velocity distribution")
+
+
+def _until_faded(model: Model, k: Array, longest: float) -> Array:
+    """The longest step that moves waves k: those that noise damps away within it are left out (operators/linear.py)."""
+    h = longest * np.geomspace(1e-6, 1.0, 300)
+    bridge = np.array([bridge_variance(model, float(step)) for step in h])
+    gone = [np.searchsorted(bridge * wave**2, 2 * FADED) for wave in k.tolist()]
+    return np.asarray(h[np.minimum(gone, h.size - 1)])
 
 
 def exact_step_spacing(scales: Scales, waves: Waves, h: float) -> float:

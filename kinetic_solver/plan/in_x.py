@@ -34,8 +34,13 @@ def points(scales: Scales, waves: Waves) -> Criterion:
     reason = f"{n} modes of the initial state"
     if scales.law is not None:
         more = fronts(scales, scales.density) if scales.amplifies else followers(scales, waves)
-        n = _with_room(2 * n + more.value, waves)
-        reason += f", their products, and {math.ceil(more.value)} for {more.reason}"
+        if scene.initial.step is not None and not waves.products_of_a_step:
+            # f exp(SΦ) is what evolves, from waves that are known: nothing is multiplied.
+            n = _with_room(max(n, more.value), waves)
+            reason += f" times exp(SΦ), and no fewer than {math.ceil(more.value)} for {more.reason}"
+        else:
+            n = _with_room(2 * n + more.value, waves)
+            reason += f", their products, and {math.ceil(more.value)} for {more.reason}"
         if scales.amplifies and scene.initial.step is None and not waves.local_gauge:
             # The global gauge transforms f exp(SΦ), which has waves of its own.
             n = max(n, math.ceil(WATCHED * waves.highest(waves.lifted_amplitudes)))
@@ -55,7 +60,7 @@ def points_from_now_on(scales: Scales, waves: Waves, modes: int, density: Array)
 def fronts(scales: Scales, density: Array) -> Criterion:
     """Modes of the fronts that (6) can make of a density: tanh profiles of width 2/(S Δρ), with the spectrum exp(-πk/(SΔρ))
     (docs/theory.md: shocks)."""
-    contrast = scales.scene.cross_section * float(np.ptp(density))
+    contrast = scales.cross_section * float(np.ptp(density))
     k = contrast * math.log(DROPPED / scales.rtol) / math.pi
     return Criterion(k * scales.scene.pipe.length / (2 * math.pi), "the fronts that collisions can make")
 

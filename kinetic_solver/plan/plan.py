@@ -71,7 +71,7 @@ class Plan:
     drift_diffusion: DriftDiffusionScheme
     deposit: Deposit | None
     time_step: float | None
-    """The longest step; None: from frame to frame."""
+    """The longest step, for exact ones that from link to link of their chain; None: from time 0 to each frame."""
     shortest_step: float
     """Exact steps shorter than this are not built upon: their kernel is not resolved."""
     expected_steps: int
@@ -83,13 +83,19 @@ class Plan:
 
     @property
     def inner(self) -> Scene:
-        """What is stepped: the scene in its frame of reference."""
+        """What is stepped: the scene in its frame of reference; its rtol is that of f (`choices.for_thin_places`)."""
         return self.scales.scene
 
     @property
     def law(self) -> CollisionLaw | None:
         """What collisions do; None where they do nothing."""
         return self.scales.law
+
+    @property
+    def tolerance(self) -> str:
+        """That of f, in words: for messages."""
+        asked, of_f = self.scene.accuracy.rtol, self.inner.accuracy.rtol
+        return f"accuracy.rtol = {asked:g}" + (f", {of_f:.2g} of f, for u and θ where it is thin" if of_f < asked else "")
 
     @property
     def times(self) -> Array:
@@ -156,12 +162,14 @@ def _make_plan(scene: Scene, known: Mapping[str, str], law: CollisionLaw | None,
     here = scales_of(scene, schedule.times, law=law, start=start)
     if law is not None:
         _check(law, here)
+    stricter = choices.for_thin_places(here)
+    here = replace(here, scene=stricter)
     choices.check_given(here)
 
     def clocked(frame: ReferenceFrame) -> Scales:
         times = np.array([frame.clock(float(time)) for time in schedule.times])
         seen = None if start is None else start.seen_from(frame.start)
-        return scales_of(frame.scene(scene), times, scene.model.friction, law, seen)
+        return scales_of(frame.scene(stricter), times, scene.model.friction, law, seen)
 
     frame, scales = choices.reference_frame(here, clocked)
     waves, inner = Waves(scales), scales.scene

@@ -13,7 +13,7 @@ import numpy as np
 
 from kinetic_solver.arrays import Array
 from kinetic_solver.initial import SceneStart, Start
-from kinetic_solver.laws import CollisionLaw, Inelastic
+from kinetic_solver.laws import CollisionLaw, FollowTheLeader, Inelastic
 from kinetic_solver.scene import Scene
 from kinetic_solver.stability.homogeneous import HomogeneousState, homogeneous_state
 from kinetic_solver.theory.ornstein_uhlenbeck import Transition, transition
@@ -22,6 +22,9 @@ POINTS = 4096
 """Places on the pipe at which the start is looked at: enough for a wave of mode 500."""
 TAIL = 40.0
 """A Gaussian counts as ended where it has fallen to rtol over this; a cell further in it is a few times more."""
+THIN = 10.0
+"""How many times thinner than the densest a place may be before f must be more accurate than rtol for the sake of its mean
+velocity and temperature. tests/convergence/test_thin_places.py."""
 HAFF_SHORT = 2.0
 """A cooling gas does not stay Maxwellian, and was seen up to so many times colder than Haff's law has it (docs/accuracy.md)."""
 KNOWN_STATES = (1e-6, 1e6)
@@ -87,6 +90,26 @@ class Scales:
     def hottest(self) -> float:
         """The largest variance of v at any place and time: bounds rates."""
         return max(self.theta_max, self.spread)
+
+    @property
+    def cross_section(self) -> float:
+        """S of operator (6); 0 of any other law."""
+        return self.law.cross_section if isinstance(self.law, FollowTheLeader) else 0.0
+
+    @property
+    def thinnest(self) -> float:
+        """The least density at the start, over the largest."""
+        return float(self.density.min()) / self.rho_max
+
+    def stricter(self, rtol: float) -> float:
+        """What f must meet for its mean velocity and temperature to meet rtol, where density is rtol of its largest or more."""
+        return THIN * max(rtol, self.thinnest) * rtol
+
+    def asked_for(self, of_f: float) -> float:
+        """The least accuracy.rtol at which no more than this is asked of f."""
+        if self.scene.output.moments is False:
+            return of_f
+        return max(of_f, min(of_f / THIN / max(self.thinnest, 1e-300), math.sqrt(of_f / THIN)))
 
     @property
     def means(self) -> tuple[float, float]:

@@ -10,6 +10,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import brentq
+from scipy.special import exp1
 
 from kinetic_solver.arrays import Array
 from kinetic_solver.errors import SceneError
@@ -22,7 +24,18 @@ from kinetic_solver.theory.ornstein_uhlenbeck import transition
 DROPPED = 10.0
 """Waves of a relative amplitude below rtol over this are left out. Chosen: ten such waves in step make rtol."""
 MOST_MODES = 20_000
-"""Of a density step: more are asked for by mistake, not by need."""
+"""More are asked for by mistake, not by need."""
+MOST_OF_A_STEP = {"none": 20_000, "global": 17_000, "products": 2_500}
+"""Modes of a density step: without collisions, with (6) in the global gauge, and where products need twice as many."""
+MOST_RTOL = 0.1
+"""The largest accuracy.rtol that a scene may have."""
+BUDGETS_OF_A_STEP = (16.0, 1000)
+"""(a, n): budgets want a step's waves as of an a-th of the first frame's time, but no more than n. Chosen."""
+MUCH_LATER = 1e6
+"""Times the first frame's: how far a time at which rtol could be met is looked for."""
+RANGE_OF_A_STEP = 16.0
+"""Of SΦ, beyond which a density step takes the local gauge: what the grid misses of f exp(SΦ) is divided by as much where
+that is least. Chosen."""
 VELOCITIES, MOST_VELOCITIES = 33, 513
 """At which a spectrum along x is taken, spread over the start's velocities: its largest amplitude varies little between them.
 More, up to the second, where the start has parts narrower than their distance, so that none is missed."""
@@ -46,7 +59,7 @@ class Waves:
     @functools.cached_property
     def lifted_amplitudes(self) -> Array:
         """Likewise of f exp(S·periodic part of Φ), which is what evolves linearly under (6)."""
-        phi = self.scales.scene.cross_section * self._potential
+        phi = self.scales.cross_section * self._potential
         return self._spectrum(np.exp(phi - phi.max()))
 
     @functools.cached_property
@@ -58,9 +71,11 @@ class Waves:
         scales, amplitude = self.scales, self.amplitudes
         scene, rtol = scales.scene, scales.rtol
         if scene.initial.step is not None:
-            amplitude = amplitude[: self.step_modes + 1]
+            amplitude = self._of_a_step(amplitude)
         if scales.amplifies and not scales.start.homogeneous:
-            amplitude = np.maximum(amplitude, self.lifted_amplitudes[: amplitude.size])
+            lifted = self.lifted_amplitudes
+            lifted = self._of_a_step(lifted) if scene.initial.step is not None else lifted[: amplitude.size]
+            amplitude = np.maximum(amplitude, lifted)
         n = np.flatnonzero(amplitude > rtol / DROPPED)
         digits = np.log(DROPPED * amplitude[n] / rtol)
         if scales.amplified_shift:
@@ -90,53 +105,135 @@ class Waves:
 
     @functools.cached_property
     def step_modes(self) -> int:
-        """Modes of a density step that noise has not damped away by the first time after the start at which anything is written.
+        """Modes of a density step that must be held at the first time after the start at which anything is written: what all
+        others together leave of f is below rtol/DROPPED.
 
-        Raises SceneError where they are too many, or rtol finer than a step with collisions allows, unless grid.nx is given.
+        With operator (6) in the global gauge they are those of f exp(SΦ), and what is left out counts exp(S·range of Φ) times
+        where that is least. Raises SceneError where they are more than MOST_OF_A_STEP, unless grid.nx is given.
         """
+        scene, first, rtol = self.scales.scene, float(self.scales.times[1]), self.scales.rtol
+        if self.products_of_a_step and rtol < LEAST_RTOL_OF_A_STEP and scene.grid.nx is None:
+            raise SceneError(
+                f"accuracy.rtol: with initial.step f is accurate to {LEAST_RTOL_OF_A_STEP:g} only under these collisions "
+                f"(products with a jump converge slowly in x); allowed: {_up(self.scales.asked_for(LEAST_RTOL_OF_A_STEP))} or "
+                "more, smooth modes, or a given grid.nx"
+            )
+        allowed = self.scales.rtol / DROPPED
+        left_out = self._left_out(first)
+        if left_out[-1] <= allowed:
+            enough = _first_below(left_out, allowed)
+            if self.followed_from_the_start:
+                earlier = self._left_out(first / BUDGETS_OF_A_STEP[0])
+                enough = max(enough, min(BUDGETS_OF_A_STEP[1], _first_below(earlier, allowed)))
+            return enough
+        if scene.grid.nx is not None:
+            return left_out.size
+        if self._left_at_fixed_velocity(first) == 0 and scene.output.f is not False:
+            raise SceneError(
+                "initial.step: without noise a jump in f stays a jump, which no waves can hold; allowed: output.f = false, "
+                "model.friction and model.noise > 0, smooth modes, or a given grid.nx"
+            )
+        advice, later = [], first
+        while self._left_out(later)[-1] > allowed and later < MUCH_LATER * first:
+            later *= 2
+        if self._left_out(later)[-1] <= allowed:
+            enough = brentq(lambda t: self._left_out(t)[-1] - allowed, first, later, rtol=1e-3)
+            longer = " and run.end_time" if 1.1 * enough > self.scales.end else ""
+            advice.append(f"run.output_every{longer} = {_up(enough)} or more")
+        coarse = self.scales.asked_for(DROPPED * float(left_out[-1]))
+        if coarse < MOST_RTOL / 1.1:
+            advice.append(f"accuracy.rtol = {_up(coarse)} or more")
+        raise SceneError(
+            f"initial.step: a jump needs more than {left_out.size} modes at the first frame, t = {first:g}; allowed: "
+            f"{', '.join([*advice, 'smooth modes'])}, or a given grid.nx"
+        )
+
+    @property
+    def products_of_a_step(self) -> bool:
+        """True where a step's waves are multiplied with each other: with (12), and with (6) in the local gauge."""
         scales = self.scales
-        scene, rtol = scales.scene, scales.rtol
-        if scales.law is not None and rtol < LEAST_RTOL_OF_A_STEP and scene.grid.nx is None:
-            raise SceneError(
-                f"accuracy.rtol = {rtol:g}: with initial.step collisions are accurate to {LEAST_RTOL_OF_A_STEP:g} only "
-                f"(products with a jump converge slowly in x); allowed: {LEAST_RTOL_OF_A_STEP:g} or more, smooth modes, or "
-                "a given grid.nx"
-            )
-        theta, first = scales.narrowest, transition(scene.model, float(scales.times[1]))
-        # The variance of displacement that is left once the velocity is known: what damps a wave at fixed v.
-        variance = theta * first.decay**2 + first.velocity_variance
-        covariance = theta * first.drift_time * first.decay + first.covariance
-        rest = theta * first.drift_time**2 + first.displacement_variance - covariance**2 / variance
-        n = np.arange(1, MOST_MODES)
-        k = 2 * math.pi / scene.pipe.length * n
-        alive = np.exp(-(k**2) * rest / 2) / n > rtol / DROPPED
-        if alive[-1] and scene.grid.nx is None:
-            raise SceneError(
-                f"initial.step: at rtol = {rtol:g} a jump needs more than {MOST_MODES} modes at the first frame, "
-                f"t = {float(scales.times[1]):g}; allowed: a later one (run.output_every), a larger accuracy.rtol, or "
-                "a given grid.nx"
-            )
-        return int(np.flatnonzero(alive)[-1]) + 1 if alive.any() else 1
+        stepped = scales.scene.initial.step is not None
+        return stepped and scales.law is not None and (not scales.amplifies or self.local_gauge)
+
+    @property
+    def followed_from_the_start(self) -> bool:
+        """True where budgets look at a step's waves before the first frame."""
+        scales = self.scales
+        return scales.amplifies and not self.products_of_a_step and scales.scene.output.budgets is not False
+
+    def blur(self, time: float) -> float:
+        """The variance by which a step that is stepped in the global gauge must be blurred at a time, for its modes to do."""
+        if self.scales.scene.initial.step is None or not self.scales.amplifies or self.products_of_a_step:
+            return 0.0
+        return max(0.0, self._resolved_spread - self._left_at_fixed_velocity(time))
+
+    @functools.cached_property
+    def _resolved_spread(self) -> float:
+        """Of displacement at fixed velocity, at which the modes of a step do."""
+        allowed, first = self.scales.rtol / DROPPED, float(self.scales.times[1])
+
+        def excess(t: float) -> float:
+            beyond = self._left_out(t)
+            return math.log(max(float(beyond[min(self.step_modes, beyond.size) - 1]), 1e-300) / allowed)
+
+        if excess(first) > 0:
+            return 0.0
+        return self._left_at_fixed_velocity(brentq(excess, 1e-9 * first, first, rtol=1e-6))
+
+    def _left_at_fixed_velocity(self, time: float) -> float:
+        """The variance of displacement that is left once the velocity is known: what damps a wave of f."""
+        theta, step = self.scales.narrowest, transition(self.scales.scene.model, time)
+        variance = theta * step.decay**2 + step.velocity_variance
+        covariance = theta * step.drift_time * step.decay + step.covariance
+        whole = theta * step.drift_time**2 + step.displacement_variance
+        return max(0.0, whole - covariance**2 / variance) if step.velocity_variance else 0.0
+
+    def _left_out(self, time: float) -> Array:
+        """What is left of f, over its maximum, by the waves of a density step beyond the first n = 1, 2, … together."""
+        scene, law, theta = self.scales.scene, self.scales.law, self.scales.narrowest
+        spread = self._left_at_fixed_velocity(time)
+        if scene.output.f is False and law is None:  # a density forgets its waves as the velocities mix them
+            step = transition(scene.model, time)
+            spread = theta * step.drift_time**2 + step.displacement_variance
+        kind = "none" if law is None else "products" if self.products_of_a_step else "global"
+        n = np.arange(1, MOST_OF_A_STEP[kind] + 1)
+        damping = (2 * math.pi / scene.pipe.length) ** 2 * spread / 2
+        size = (
+            2
+            / math.pi
+            * float(np.ptp(self.scales.density))
+            / self.scales.rho_max
+            * (math.exp(self.gauge_range) if kind == "global" else 1.0)
+        )
+        beyond = float(exp1(damping * (n[-1] + 0.5) ** 2)) / 2 if damping > 0 else math.inf
+        terms = np.exp(-damping * n**2) / n
+        return np.asarray(size * (np.cumsum(terms[::-1])[::-1] - terms + beyond))
 
     @functools.cached_property
     def phase_mixing(self) -> float:
         """The largest v-wavenumber into which free motion turns the start's waves before noise damps them."""
         scales = self.scales
         noisy = scales.scene.model.friction * scales.scene.model.noise > 0
-        found = mixing(scales.scene.model, *self.in_play, scales.narrowest, scales.end)
+        found = mixing(scales.scene.model, *self.in_play, scales.narrowest, scales.end, float(scales.times[1]))
         return found * (1.0 if noisy else NOISELESS_MIXING)
+
+    def _of_a_step(self, amplitude: Array) -> Array:
+        """Of the modes that are held; what mode n and all beyond it make together is no smaller than n times mode n."""
+        n = np.arange(amplitude.size // 2)
+        return np.append(amplitude[0], np.full(self.step_modes, float((n * amplitude[: n.size]).max())))
 
     @property
     def gauge_range(self) -> float:
         """S·(max - min) over x of the periodic part of the start's Φ = ∫ρ dx."""
-        scene = self.scales.scene
         if self.scales.start.homogeneous or not self.scales.amplifies:
             return 0.0
-        return scene.cross_section * float(np.ptp(self._potential))
+        return self.scales.cross_section * float(np.ptp(self._potential))
 
     @property
     def local_gauge(self) -> bool:
         """True where the exactly linearised step will need its local gauge (operators/linearised/grid.py)."""
+        if self.scales.scene.initial.step is not None and self.gauge_range > RANGE_OF_A_STEP:
+            return True
         return float(np.finfo(float).eps) * math.exp(self.gauge_range) > GAUGE_ROUND_OFF * self.scales.rtol
 
     @functools.cached_property
@@ -154,15 +251,28 @@ class Waves:
         return relative_amplitudes(weight[:, None] * s.start.outline(s.x, v))
 
 
-def mixing(model: Model, k: Array, digits: Array, theta: float, left: float) -> float:
+def _up(value: float) -> str:
+    """In two digits, a little larger."""
+    return f"{1.1 * value:.2g}"
+
+
+def _first_below(left_out: Array, allowed: float) -> int:
+    """How many modes leave out no more than that; all of them where none do."""
+    return min(int(np.searchsorted(-left_out, -allowed)) + 1, left_out.size)
+
+
+def mixing(model: Model, k: Array, digits: Array, theta: float, left: float, first: float | None = None) -> float:
     """The largest v-wavenumber at which free motion still leaves more than the dropped amplitude of waves k in x, within a time.
 
     A gas of temperature θ has waves of amplitude e^digits times the dropped one. f's joint characteristic function is Gaussian:
     at x-wavenumber k it has its peak at q = -kC/V with amplitude exp(-k²(D - C²/V)/2) and width V^(-1/2), where V, C, D are the
-    variances and the covariance of velocity and displacement.
+    variances and the covariance of velocity and displacement. `first` is the earliest time that is looked at.
     """
     worst = 0.0
-    for t in np.linspace(0, left, 65)[1:]:
+    times = np.linspace(0, left, 65)[1:]
+    if first is not None and first < times[0]:
+        times = np.concatenate([np.geomspace(first, times[0], 33), times])
+    for t in times:
         step = transition(model, float(t))
         e, b = step.decay, step.drift_time
         variance = theta * e * e + step.velocity_variance

@@ -96,7 +96,8 @@ def shrunk(seen: Observation, history: History) -> Change | None:
     """A grid that would still hold f, where it is worth going over to it. What was once too small is not made smaller."""
     plan, grid, rtol, f = seen.plan, seen.grid, seen.plan.inner.accuracy.rtol, seen.f
     left = float(plan.times[-1]) - seen.clock
-    if left / seen.length < LEFT or folds(plan):
+    length = plan.time_step if seen.scheme.exact and plan.time_step is not None else seen.length
+    if left / length < LEFT or folds(plan):
         return None
     tried = {what for what, _ in history.tried}
     new = grid
@@ -151,7 +152,7 @@ def _larger(plan: Plan, what: Quantity, exact: bool, first_time: bool) -> Plan:
 
 def _with_shorter_steps(plan: Plan) -> Plan:
     """Exact steps of two thirds of the length, on points dense enough for their kernel."""
-    step, grid = (plan.time_step or plan.inner.run.end_time) / FINER, plan.grid
+    step, grid = in_t.filling(plan.scales, (plan.time_step or plan.inner.run.end_time) / FINER), plan.grid
     dense = math.ceil((grid.high - grid.low) / in_v.exact_step_spacing(plan.scales, plan.waves, step))
     return _on(dataclasses.replace(plan, time_step=step), dataclasses.replace(grid, nv=max(grid.nv, dense)))
 

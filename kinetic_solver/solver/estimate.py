@@ -9,6 +9,7 @@ import numpy as np
 from kinetic_solver.arrays import Array
 from kinetic_solver.operators.collisions import POINTS, RefinableRate
 from kinetic_solver.operators.fourier import relative_amplitudes
+from kinetic_solver.operators.velocity.kernel import resolution, resolved_spacing
 from kinetic_solver.plan import Plan, in_t, in_v, measured
 from kinetic_solver.solver.observation import Observation
 from kinetic_solver.solver.regrid import resize
@@ -94,12 +95,30 @@ def _of_v(seen: Observation) -> float:
     plan = seen.plan
     if plan.velocity == "hermite":
         return last_functions(seen)
-    error = shortest_waves(seen.f)
+    error = waves_in_v(seen)
     if plan.drift_diffusion != "kernel":
         order = measured.FINITE_VOLUME_ERROR[plan.drift_diffusion][1]
         error += plan.inner.accuracy.rtol / in_v.finite_volumes(plan.scales, plan.drift_diffusion) ** order * seen.grid.dv**order
     error += rate_error(seen, seen.clock)
     return error
+
+
+def waves_in_v(seen: Observation) -> float:
+    """The error that waves in v make which the points do not hold, judged by the amplitude a of the shortest that they hold.
+
+    It is about a between the points, and where a step was not resolved. At the points, and in sums over them, only waves of
+    twice that wavenumber err, which a smooth spectrum makes smaller than a²: so it is where exact steps resolve their kernel.
+    """
+    amplitude = shortest_waves(seen.f)
+    plan = seen.plan
+    if not seen.scheme.exact or plan.reference_frame.moving or plan.drift_diffusion != "kernel":
+        return amplitude
+    model, dv = plan.inner.model, seen.grid.dv
+    step = seen.clock if plan.time_step is None else plan.shortest_step
+    resolved = model.friction * model.noise == 0 or dv <= resolved_spacing(model, step, resolution(plan.inner.accuracy.rtol)) * (
+        1 + 1e-9
+    )
+    return amplitude**2 if resolved else amplitude
 
 
 def shortest_waves(f: Array, share: float = 0.0) -> float:

@@ -144,7 +144,8 @@ class March:
         within = taken.within
         points = self.scheme.representation.points
         f_within = None if within is None else lambda t: points(within(t - start))
-        self.now = seen = Observation.of(self.scheme, clock, taken.state, last.clock, taken.error, f_within)
+        stretch = None if taken.stretch is None else (start + taken.stretch[0], start + taken.stretch[1])
+        self.now = seen = Observation.of(self.scheme, clock, taken.state, last.clock, taken.error, f_within, stretch, taken.side)
         self.memory = taken.memory
         self.errors += taken.error
         self.shortest = min(self.shortest, taken.length)
@@ -163,6 +164,8 @@ class March:
         if judgement.problem is not None:
             return judgement.problem
         self.diagnostics, self.judged = judgement.diagnostics, True
+        if self.scheme.exact:
+            self.estimate.parts(seen, self.diagnostics)  # links are the same whatever the frames
         return self._smaller() if clock < end else None
 
     def _stalled(self, found: Stalled) -> Problem | None:
@@ -294,4 +297,4 @@ class March:
     def _report(self) -> Report:
         place = self.scheme.plan.reference_frame.place
         grids = [f"t = {place(time).time:.4g}: {g.nx} × {g.nv} on [{g.low:.4g}, {g.high:.4g}]" for time, g in self.grids]
-        return Report(self.estimate.total, self.estimate.limited_by(), "; ".join(grids))
+        return Report(self.estimate.total, self.estimate.limited_by(), "; ".join(grids), self.writer.missing)

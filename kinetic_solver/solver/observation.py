@@ -30,7 +30,11 @@ class Observation:
     error: float = 0.0
     """Estimated max|error| that this step made."""
     within: Callable[[float], Array] | None = None
-    """f (nx, nv) at any clock within that step; None where only its ends are known."""
+    """f (nx, nv) at any clock of the stretch; None where only the ends of steps are known."""
+    stretch: tuple[float, float] | None = None
+    """Clocks between which `within` is good: that step, and what surrounds it."""
+    side: bool = False
+    """True where nothing is built upon this state: (6) will not amplify what is wrong with it."""
 
     @classmethod
     def of(
@@ -41,9 +45,11 @@ class Observation:
         since: float = -math.inf,
         error: float = 0.0,
         within: Callable[[float], Array] | None = None,
+        stretch: tuple[float, float] | None = None,
+        side: bool = False,
     ) -> Observation:
         state = np.ascontiguousarray(state)  # as a checkpoint gives it back: the order of sums is that of the memory
-        return cls(scheme, clock, state, scheme.representation.points(state), since, error, within)
+        return cls(scheme, clock, state, scheme.representation.points(state), since, error, within, stretch, side)
 
     @property
     def plan(self) -> Plan:

@@ -13,7 +13,9 @@ class Report:
     """What of the discretisation limits it, in words."""
     grids: str
     """All that the run used, with the times from which on."""
+    missing: str
+    """Where mean velocity and temperature are not given, in words; empty where they are everywhere."""
 
     def attributes(self) -> dict[str, str]:
         """For the dataset."""
-        return {"limited_by": self.limited_by, "grids": self.grids}
+        return {"limited_by": self.limited_by, "grids": self.grids, **({"missing": self.missing} if self.missing else {})}

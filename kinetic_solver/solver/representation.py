@@ -6,7 +6,7 @@ from one grid to another.
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -25,6 +25,7 @@ from kinetic_solver.operators.collisions import (
 )
 from kinetic_solver.operators.linear import HermiteLinearStep, LinearStep
 from kinetic_solver.operators.linearised import GridLinearisedStep, HermiteLinearisedStep
+from kinetic_solver.operators.linearised.grid import Lifted
 from kinetic_solver.operators.moments import totals
 from kinetic_solver.operators.velocity import (
     DriftDiffusion,
@@ -65,6 +66,10 @@ class Representation(Protocol):
 
     def linearised(self, tolerance: float) -> GridLinearisedStep | HermiteLinearisedStep:
         """(2) with operator (6), exact in time."""
+        ...
+
+    def lifted_start(self, step: Any) -> Any:
+        """The start as that step holds it, where it is known better than from `start`; else None."""
         ...
 
     def split(self) -> BaseMethod:
@@ -111,6 +116,18 @@ class VelocityPoints:
             # Steps too short for the kernel are not built upon (stepping/exact_steps.py): its band-limited form will do.
             drift_diffusion = OrnsteinUhlenbeckKernel(grid, scene.model, resolution=resolution(scene.accuracy.rtol))
         return GridLinearisedStep(grid, scene.model, law.cross_section, drift_diffusion, tolerance)
+
+    def lifted_start(self, step: GridLinearisedStep) -> Lifted | None:
+        """Of a step in the density, whose product with exp(SΦ) on the points would converge slowly: cut off after it."""
+        scene, grid, s = self.plan.inner, self.plan.grid, self.plan.scales.cross_section
+        if scene.initial.step is None or s == 0:
+            return None
+        if self.plan.waves.local_gauge:
+            return Lifted(self.start(), mean_density=None, jumps=True)
+        density = initial.resolved_lifted_density(scene, s, grid.x)
+        f = self.plan.scales.start.distribution(grid.x, grid.v, np.ones(grid.nx))
+        f /= (f.sum(axis=1) * grid.dv)[:, None]
+        return step.lifted(f * density[:, None], scene.initial.density)
 
     def split(self) -> BaseMethod:
         operator = collision_operator(self.plan)
@@ -168,6 +185,9 @@ class HermiteCoefficients:
         return HermiteLinearisedStep(
             grid.length, grid.nx, self.basis, scene.model, law.cross_section, scene.initial.density, tolerance
         )
+
+    def lifted_start(self, step: HermiteLinearisedStep) -> None:
+        return None
 
     def split(self) -> BaseMethod:
         assert self.plan.law is not None

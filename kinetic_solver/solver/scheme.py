@@ -57,7 +57,7 @@ def make_stepper(plan: Plan, representation: Representation) -> Stepper:
     scene, rtol = plan.inner, plan.inner.accuracy.rtol
     longest = math.inf if plan.time_step is None else plan.time_step
     if plan.law is None:
-        return ExactSteps(Plain(representation.linear))
+        return ExactSteps(Plain(representation.linear), longest)
     base = representation.split()
     if plan.stepping == "strang":
         assert plan.time_step is not None
@@ -75,7 +75,7 @@ def make_stepper(plan: Plan, representation: Representation) -> Stepper:
     early = Early(plan) if plan.shortest_step > 0 and scene.initial.file is None else None
     # Where nx is open, a finer grid is the better way out of a step that loses its accuracy.
     fallback = Controlled(method, tolerance) if scene.grid.nx is not None else None
-    return ExactSteps(step, longest, plan.shortest_step, early, fallback)
+    return ExactSteps(step, longest, plan.shortest_step, early, fallback, representation.lifted_start(step), plan.waves.blur)
 
 
 class Early:
@@ -91,8 +91,9 @@ class Early:
         if factor not in self._finer:
             grid = dataclasses.replace(self.plan.grid, nv=self.plan.grid.nv * factor)
             representation = make_representation(dataclasses.replace(self.plan, grid=grid))
-            step: ExactStep = representation.linearised(LINEARISED_ROUND_OFF * self.plan.scene.accuracy.rtol)
-            self._finer[factor] = (step, step.lift(representation.start()))
+            step: ExactStep = representation.linearised(LINEARISED_ROUND_OFF * self.plan.inner.accuracy.rtol)
+            known = representation.lifted_start(step)
+            self._finer[factor] = (step, step.lift(representation.start()) if known is None else known)
         step, start = self._finer[factor]
         # `factor` fine cells make one of the plan's, whose centre is the middle one's.
-        return step.lower(step.propagate(start, time))[:, factor // 2 :: factor]
+        return step.lower(step.propagate(start, time), self.plan.waves.blur(time))[:, factor // 2 :: factor]

@@ -5,9 +5,11 @@ from __future__ import annotations
 import dataclasses
 from typing import Any
 
+import numpy as np
+
 from kinetic_solver.arrays import Array
 from kinetic_solver.dataset import Recorder
-from kinetic_solver.operators.moments import moment_equations, moments
+from kinetic_solver.operators.moments import Moments, moment_equations, moments
 from kinetic_solver.plan import Plan
 from kinetic_solver.plan.moving_frame import Place
 from kinetic_solver.solver.budgets import Ledger
@@ -21,6 +23,9 @@ class Writer:
     def __init__(self, plan: Plan, recorder: Recorder, ledger: Ledger | None) -> None:
         self.schedule, self.output = plan.schedule, plan.output
         self.recorder, self.ledger = recorder, ledger
+        self.least = plan.scene.accuracy.rtol
+        """Of the largest density: where it is less, mean velocity, temperature and heat flux are missing values."""
+        self._places = self._missing = 0
 
     def write(self, frame: int, seen: Observation, diagnostics: dict[str, float], shown: Array | None = None) -> None:
         """The frame of this number. `shown`, f on the output's grid, stands for what is seen in the fields."""
@@ -47,7 +52,11 @@ class Writer:
         if "moment_equations" in due:
             operator = seen.scheme.operator
             rate = operator.rate(seen.f) if operator is not None else None
-            values["moment_equations"] = moment_equations(seen.grid, seen.plan.inner.model, seen.f, rate)
+            terms = moment_equations(seen.grid, seen.plan.inner.model, seen.f, rate)
+            given = self._given(moments(seen.grid, seen.f))
+            values["moment_equations"] = {
+                name: term if name.startswith("density") else given * term for name, term in terms.items()
+            }
         self.recorder.record(float(self.schedule.times[frame]), values)
 
     def _moments(self, seen: Observation, place: Place, convert: ToOutput, shown: Array | None) -> dict[str, Any]:
@@ -57,9 +66,26 @@ class Writer:
         else:
             m = moments(dataclasses.replace(seen.grid, nx=self.output.nx), convert.along_x(seen.f, place))
             velocity, scale = place.velocity, place.scale
+        # Ratios of moments say nothing where the density is within its own error.
+        given = self._given(m)
+        self._places += given.size
+        self._missing += int(np.isnan(given).sum())
         return {
             "density": m.density,
-            "mean_velocity": velocity + scale * m.mean_velocity,
-            "temperature": scale**2 * m.temperature,
-            "heat_flux": scale**3 * m.heat_flux,
+            "mean_velocity": given * (velocity + scale * m.mean_velocity),
+            "temperature": given * scale**2 * m.temperature,
+            "heat_flux": given * scale**3 * m.heat_flux,
         }
+
+    def _given(self, m: Moments) -> Array:
+        """1 where there is a mean velocity and a temperature, else NaN."""
+        return np.where((m.density >= self.least * m.density.max()) & (m.temperature > 0), 1.0, np.nan)
+
+    @property
+    def missing(self) -> str:
+        """At how many places and frames so far mean velocity and temperature are not given, in words; "" where at none."""
+        if not self._missing:
+            return ""
+        share = self._missing / self._places
+        where = f"where density is below {self.least:g} of its largest"
+        return f"mean velocity and temperature at {share:.2g} of all places and frames, {where}"

@@ -12,7 +12,10 @@ from typing import Any, Protocol
 from kinetic_solver.arrays import Array
 from kinetic_solver.errors import LostAccuracy
 from kinetic_solver.stepping.drive import advance
-from kinetic_solver.stepping.protocol import Step, Stepper, Substep, count_of
+from kinetic_solver.stepping.protocol import Step, Stepper, Substep
+
+SAME = 1e-9
+"""Times that differ relatively by less are one: a link may lie at the end of an interval. Chosen: far above rounding."""
 
 
 class ExactStep(Protocol):
@@ -26,8 +29,8 @@ class ExactStep(Protocol):
         """The lifted state after h. It may be kept: it is not changed later."""
         ...
 
-    def lower(self, lifted: Any) -> Array:
-        """f of a lifted state. `propagate` and this may raise LostAccuracy."""
+    def lower(self, lifted: Any, blur: float = 0.0) -> Array:
+        """f of a lifted state, blurred in x by a Gaussian of this variance. `propagate` and this may raise LostAccuracy."""
         ...
 
 
@@ -40,7 +43,7 @@ class Plain:
     def lift(self, f: Array) -> Array:
         return f
 
-    def lower(self, lifted: Array) -> Array:
+    def lower(self, lifted: Array, blur: float = 0.0) -> Array:
         return lifted
 
 
@@ -58,8 +61,8 @@ class Chain:
 
     links: tuple[Link, ...]
     """The last, and the one before if there is one; none where the start itself could not be lifted."""
-    piece: int = 0
-    """Pieces of the interval that are done."""
+    time: float
+    """What has been reached: a link, or a time between."""
 
     @property
     def begun(self) -> bool:
@@ -68,11 +71,14 @@ class Chain:
 
 
 class ExactSteps:
-    """A chain of exact steps, each at least `shortest` long, and from its states one exact step to every time between.
+    """A chain of exact steps, and from its states one exact step to every time between.
 
-    So a step that is too short to be accurate is never built upon, and after the first link none is taken. `early`, if given,
-    makes f at a time before `shortest`. Intervals are done in equal pieces of at most `longest`. `fallback` takes over a step
-    that loses its accuracy, with a warning; without it LostAccuracy is raised. Links are counted from time 0.
+    Links lie at multiples of `spacing`, counted from time 0, each at least `shortest` after the one before. They depend on no
+    interval: a time that is asked for costs one step from the chain, which nothing is built upon, so that however many are asked
+    for, the answers are the same (tests/convergence/test_frames.py). A time less than `shortest` after a link is reached from the
+    link before it, and before the second link by `early`, if given. `start` is the lifted state at time 0, where it is known
+    better than from the state itself; `blur` is the variance by which a state must be blurred to be resolved, too early for any
+    frame. `fallback` takes over a step that loses its accuracy, with a warning; without it LostAccuracy is raised.
     """
 
     order = math.inf
@@ -81,46 +87,69 @@ class ExactSteps:
     def __init__(
         self,
         step_of: ExactStep,
-        longest: float = math.inf,
+        spacing: float = math.inf,
         shortest: float = 0.0,
         early: Callable[[float], Array] | None = None,
         fallback: Stepper | None = None,
+        start: Any = None,
+        blur: Callable[[float], float] = lambda time: 0.0,
     ) -> None:
         self.exact = step_of
-        self.longest = longest
+        self.spacing = spacing
         self.shortest = shortest
         self.early = early
         self.fallback = fallback
+        self.start = start
+        self.blur = blur
         self._warned = False
 
     def begin(self, state: Array, time: float) -> Chain:
+        if time == 0 and self.start is not None:
+            return Chain((Link(time, self.start),), time)
         try:
-            return Chain((Link(time, self.exact.lift(state)),))
+            return Chain((Link(time, self.exact.lift(state)),), time)
         except LostAccuracy as lost:  # as the start is, so all that follows: there is nothing to return to
             self._say(lost)
-            return Chain(())
+            return Chain((), time)
 
     def step(self, state: Array, memory: Chain, start: float, interval: float) -> Step:
+        """To the next multiple of `spacing`, or to the end of the interval."""
         if not memory.links:
             assert self.fallback is not None
             return Step(advance(self.fallback, state, start, interval), interval, interval, 0.0, memory)
-        count = count_of(interval, self.longest)
-        h, done = interval / count, memory.piece + 1
-        elapsed = interval if done == count else done * h
+        before, after = self._around(memory.time)
+        elapsed = min(interval, after - start)
+        if start + interval - after < SAME * after:
+            elapsed = interval
         time = start + elapsed
         chain = memory
-        if self._far_enough(time, memory.links[0]):
+        if time > after * (1 - SAME) and self._far_enough(time, memory.links[0]):
             lifted, f = self._from(memory.links[0], time)
-            chain = Chain((Link(time, lifted), memory.links[0]))
+            chain = Chain((Link(time, lifted), memory.links[0]), time)
         else:
             f = self._at(memory, time)
-        later = dataclasses.replace(chain, piece=done % count)
-        return Step(f, elapsed, h, 0.0, later, within=lambda t: self._at(memory, start + t))
+        return Step(
+            f,
+            elapsed,
+            time - memory.time,
+            0.0,
+            dataclasses.replace(chain, time=time),
+            within=lambda t: self._at(memory, start + t),
+            stretch=(before - start, after - start),
+            side=chain is memory,
+        )
+
+    def _around(self, time: float) -> tuple[float, float]:
+        """The last multiple of `spacing` that is not after the time, and the next one."""
+        if math.isinf(self.spacing):
+            return 0.0, math.inf
+        n = math.floor(time / self.spacing * (1 + SAME))
+        return n * self.spacing, (n + 1) * self.spacing
 
     def carried(self, memory: Chain, to: ExactSteps, convert: Callable[[Array], Array]) -> Chain:
         """The chain as the memory of another stepper, its states being `convert` of what they were: on another grid."""
         lower, lift = self.exact.lower, to.exact.lift
-        return Chain(tuple(Link(link.time, lift(convert(lower(link.lifted)))) for link in memory.links))
+        return Chain(tuple(Link(link.time, lift(convert(lower(link.lifted)))) for link in memory.links), memory.time)
 
     def _far_enough(self, time: float, link: Link) -> bool:
         return time - link.time >= self.shortest * (1 - 1e-9)
@@ -142,7 +171,7 @@ class ExactSteps:
 
         def exact() -> tuple[Any, Array]:
             new = self.exact.propagate(link.lifted, h)
-            return new, self.exact.lower(new)
+            return new, self.exact.lower(new, self.blur(time))
 
         return self._or_fall_back(exact, link, time)
 

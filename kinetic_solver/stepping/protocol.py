@@ -43,7 +43,11 @@ class Step:
     memory: Any
     """To be handed back with the next call."""
     within: Callable[[float], Array] | None = None
-    """The state at any time within the step, counted from where the interval began; None where only the ends are known."""
+    """The state at any time in the stretch, counted from where the interval began; None where only the ends are known."""
+    stretch: tuple[float, float] | None = None
+    """The times, counted likewise, between which `within` is good: the step, and what surrounds it."""
+    side: bool = False
+    """True where nothing will be built upon this state."""
 
 
 @dataclass(frozen=True)

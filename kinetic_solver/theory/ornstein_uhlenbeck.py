@@ -50,6 +50,17 @@ def transition(model: Model, h: float) -> Transition:
     )
 
 
+def bridge_variance(model: Model, h: float) -> float:
+    """The variance of displacement over h that is left once the velocities at both ends are known: σγh³/6 for short times.
+
+    A wave exp(ikx) is damped by exp(-k² bridge/2) at least, whatever it looks like in v.
+    """
+    step = transition(model, h)
+    if step.velocity_variance == 0:
+        return 0.0
+    return max(0.0, step.displacement_variance - step.covariance**2 / step.velocity_variance)
+
+
 def half_transport_time(gamma: float, h: float) -> float:
     """τ = tanh(γh/2)/γ, the transport time on either side of the kernel in the exact linear step (operators/linear.py)."""
     a = gamma * h / 2

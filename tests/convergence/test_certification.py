@@ -87,3 +87,12 @@ def test_fields_that_are_not_written_are_not_certified(make_scene: MakeScene) ->
     _, found = certified(scene)
     assert list(found["field"].values) == ["density", "mean_velocity", "temperature"]
     assert "f_error" not in found
+
+
+@pytest.mark.parametrize("collisions", [None, FOLLOW, INELASTIC], ids=["none", "(6)", "(12)"])
+def test_a_density_step_can_be_certified(make_scene: MakeScene, collisions: dict[str, Any] | None) -> None:
+    """Wherever the run came to its end."""
+    start = {"modes": [], "step": {"from": 0.2, "to": 0.45, "ratio": 3.0}, "temperature": 0.6}
+    scene = make_scene(collisions=collisions, initial=start, run={"end_time": 0.8}, accuracy={"rtol": 1e-2})
+    _, found = certified(scene)
+    assert "within rtol" in found.attrs["certified"]

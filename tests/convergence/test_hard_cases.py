@@ -28,8 +28,6 @@ TOLERANCES: dict[str, tuple[float, ...]] = {
 }
 """Where not 1e-3 for operator (12), which takes 10 to 100 times as long at 1e-6, and 1e-3 and 1e-6 for the rest."""
 MAY_REFUSE = {
-    ("(6), a step, ratio 3", 1e-6): r"accuracy\.rtol",
-    ("(6), a step, vacuum outside", 1e-3): r"initial\.step|accuracy\.rtol",
     ("(6), a step, vacuum outside", 1e-6): r"accuracy\.rtol",
     ("(12), vacuum outside a step", 1e-5): r"accuracy\.rtol",
     ("(12), time_step = 10/γ", 1e-3): r"grid\.time_step",

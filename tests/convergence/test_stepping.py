@@ -327,26 +327,40 @@ class Counting:
         middle = LAMBDA / (2 * C)
         return 3 * (middle + riccati(lifted / 3 - middle, BETA + LAMBDA**2 / (4 * C), h))
 
-    def lower(self, lifted: Array) -> Array:
+    def lower(self, lifted: Array, blur: float = 0.0) -> Array:
         return lifted / 3
 
 
-def test_exact_steps_are_as_few_as_fill_the_interval() -> None:
+def test_links_of_exact_steps_are_evenly_spaced() -> None:
     step = Counting()
-    steps = steps_of(ExactSteps(step, longest=0.3), T)
+    steps = steps_of(ExactSteps(step, spacing=T / 4), T)
     assert [step.elapsed for step in steps] == pytest.approx([T / 4, T / 2, 3 * T / 4, T], rel=1e-14)
     assert step.intervals == pytest.approx([T / 4] * 4, rel=1e-12)
     assert len(set(step.intervals)) == 1
     assert steps[-1].state == pytest.approx(solution(T), rel=1e-12)
-    assert len(steps_of(ExactSteps(Counting(), longest=T / 7), T)) == 7
+    assert [step.side for step in steps] == [False] * 4
+    assert len(steps_of(ExactSteps(Counting(), spacing=T / 7), T)) == 7
     assert len(steps_of(ExactSteps(Counting()), T)) == 1
+
+
+def test_links_do_not_depend_on_the_intervals() -> None:
+    """Whatever times are asked for, the chain is built of the same steps; each time costs one more, unless a link is there."""
+    alone = Counting()
+    steps_of(ExactSteps(alone, spacing=T / 4, shortest=0.1), T)
+    intervals = [0.04] * 5 + [T / 2 - 0.2, 0.3, T / 2 - 0.3]
+    step = Counting()
+    steps = driven(ExactSteps(step, spacing=T / 4, shortest=0.1), intervals)
+    assert step.intervals.count(alone.intervals[0]) >= 4
+    assert [taken.side for taken in steps].count(False) == 4
+    assert len(step.intervals) == 4 + 5 + 1  # T/2 and T are links
+    assert steps[-1].state == pytest.approx(solution(T), rel=1e-12)
 
 
 @pytest.mark.parametrize("early", [None, solution])
 def test_exact_steps_do_not_build_on_steps_that_are_too_short(early: Callable[[float], Array] | None) -> None:
     """Over intervals of 0.2 and at least 0.5 to a step: states between are made from the chain's last link but one."""
     step = Counting()
-    steps = driven(ExactSteps(step, shortest=0.5, early=early), [0.2] * 7)
+    steps = driven(ExactSteps(step, spacing=0.2, shortest=0.5, early=early), [0.2] * 7)
     for n, taken in enumerate(steps, 1):
         assert taken.state == pytest.approx(solution(0.2 * n), rel=1e-12)
     later = [0.6, 0.8, 1.0, 0.6, 0.8]
@@ -354,20 +368,21 @@ def test_exact_steps_do_not_build_on_steps_that_are_too_short(early: Callable[[f
 
 
 def test_exact_steps_know_f_at_any_time_within() -> None:
-    steps = driven(ExactSteps(Counting(), longest=0.3, shortest=0.4), [T, 0.4])
+    steps = driven(ExactSteps(Counting(), spacing=0.3, shortest=0.4), [T, 0.4])
     starts = [0.0] * 4 + [T] * 2
-    before = 0.0
-    for step, start in zip(steps, starts, strict=True):
-        before = before if before < step.elapsed else 0.0
+    stretches = [(0, 0.3), (0.3, 0.6), (0.6, 0.9), (0.9, 1.2), (0.9, 1.2), (1.2, 1.5)]
+    for step, start, stretch in zip(steps, starts, stretches, strict=True):
         assert step.within is not None
-        for elapsed in (before + 0.1 * (step.elapsed - before), step.elapsed):
+        assert step.stretch == pytest.approx(np.array(stretch) - start, abs=1e-14)
+        low, high = step.stretch
+        assert low < step.elapsed < high + 1e-12
+        for elapsed in (low + 0.1 * (high - low), step.elapsed, high):
             assert step.within(elapsed) == pytest.approx(solution(start + elapsed), rel=1e-12)
-        before = step.elapsed
 
 
 def test_the_fallback_takes_over_with_one_warning() -> None:
     method = Spy(STRANG, EIGHTH)
-    stepper = ExactSteps(Counting(limit=0.25), longest=0.3, fallback=Controlled(method, lambda f: 1e-9))
+    stepper = ExactSteps(Counting(limit=0.25), spacing=T / 4, fallback=Controlled(method, lambda f: 1e-9))
     with pytest.warns(UserWarning, match="too long: the quadrature path takes over") as caught:
         steps = steps_of(stepper, T)
     assert len(caught) == 1
@@ -378,7 +393,7 @@ def test_the_fallback_takes_over_with_one_warning() -> None:
 
 def test_without_a_fallback_lost_accuracy_is_an_error() -> None:
     with pytest.raises(LostAccuracy, match="too long"):
-        steps_of(ExactSteps(Counting(limit=0.25), longest=0.3), T)
+        steps_of(ExactSteps(Counting(limit=0.25), spacing=0.3), T)
 
 
 @pytest.mark.usefixtures("one_thread")

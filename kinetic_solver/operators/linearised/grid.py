@@ -37,6 +37,8 @@ from kinetic_solver.theory.ornstein_uhlenbeck import transition, transport_times
 
 ROUND_OFF = float(np.finfo(float).eps)
 """Relative spacing of doubles, 2.2e-16."""
+EMPTY = 1e-9
+"""Of the largest ∫F dv: where there is less, it may be rounding, and what f misses of the density is added, not multiplied."""
 TABLES = 8
 """Step lengths whose tables are kept. Frames at even times use one or two; at uneven times each brings its own."""
 GROWTHS = 2
@@ -50,6 +52,8 @@ class Lifted:
     values: Array
     mean_density: float | None
     """ρ̄, from which the global gauge takes its growth; None in the local gauge, which needs none."""
+    jumps: bool = False
+    """True of a start with jumps in x, which no grid resolves: what a step from it contradicts itself by is no error."""
 
 
 class GridLinearisedStep:
@@ -93,9 +97,13 @@ class GridLinearisedStep:
         phi = self.cross_section * self._potential(density)
         if ROUND_OFF * math.exp(min(float(np.ptp(phi)), 700.0)) > self.tolerance:
             return Lifted(f, None)
-        spectrum = self._transform.forward(f * np.exp(phi - phi.max())[:, None])
+        return self.lifted(f * np.exp(phi - phi.max())[:, None], mean)
+
+    def lifted(self, values: Array, mean_density: float) -> Lifted:
+        """The periodic part of F in the global gauge, known by itself."""
+        spectrum = self._transform.forward(values)
         spectrum *= self._keep[:, None]
-        return Lifted(self._transform.inverse(), mean)
+        return Lifted(self._transform.inverse(), mean_density)
 
     def propagate(self, lifted: Lifted, h: float) -> Lifted:
         """After h; in the local gauge it may come back in the global one."""
@@ -104,22 +112,31 @@ class GridLinearisedStep:
             if lifted.mean_density is not None:
                 values = self._growing.get(lifted.mean_density, self._growing_at)(lifted.values, h)
                 return Lifted(values / values.max(), lifted.mean_density)
-            table = self._tables.get(h, self._table)
+            table, before = self._tables.get(h, self._table), self.density_defect
             f = self._transported(lifted.values, table.outer) @ table.kernel_t
             f = self._transported(f, table.inner) @ table.kernel_t
+            last = self._transported(f, table.outer)
+            if lifted.jumps:
+                self.density_defect = before
             # The range of Φ only shrinks: once it allows the global gauge, that takes over.
-            return self.lift(self._transported(f, table.outer))
+            return self.lift(last)
 
-    def lower(self, lifted: Lifted) -> Array:
-        """f itself."""
+    def lower(self, lifted: Lifted, blur: float = 0.0) -> Array:
+        """f itself; in the global gauge that of F blurred in x by a Gaussian of this variance, which keeps it positive where the
+        points do not resolve it."""
         if lifted.mean_density is None:
             return lifted.values
         s, mean, k = self.cross_section, lifted.mean_density, self.grid.wavenumbers
+        values = lifted.values
+        if blur > 0:
+            spectrum = self._transform.forward(values)
+            spectrum *= np.exp(-(k**2) * blur / 2)[:, None]
+            values = self._transform.inverse()
         with np.errstate(all="ignore"):
-            n = lifted.values.sum(axis=1) * self.grid.dv
+            n = values.sum(axis=1) * self.grid.dv
             # E = W exp(Sρ̄x) times a constant, and E_x = S n exp(Sρ̄x)
             w = np.fft.irfft(s * np.fft.rfft(n) / (s * mean + 1j * k), n=self.grid.nx)
-            return self._with_density(lifted.values, n, w, mean + derivative(np.log(w), k) / s)
+            return self._with_density(values, n, w, mean + derivative(np.log(w), k) / s, rounded=True)
 
     def _growing_at(self, mean_density: float) -> LinearStep:
         return LinearStep(self.grid, self.model, self.drift_diffusion, growth=self.cross_section * mean_density)
@@ -144,14 +161,21 @@ class GridLinearisedStep:
         new = density + derivative(np.log(eta), grid.wavenumbers) / s
         return self._with_density(moved, n, eta, np.fft.irfft(np.fft.rfft(new) * self._keep, n=grid.nx))
 
-    def _with_density(self, f: Array, n: Array, e: Array, density: Array) -> Array:
-        """f/e, brought from its own density n/e to the one in flux form."""
+    def _with_density(self, f: Array, n: Array, e: Array, density: Array, rounded: bool = False) -> Array:
+        """f/e, brought from its own density n/e to the one in flux form; `rounded`: small n may be rounding."""
         top = float(density.max())
-        defect = float(np.abs(density - n / e).max()) / top
-        if not (np.isfinite(defect) and e.min() > 0 and n.min() > 0):
+        missed = density - n / e
+        defect = float(np.abs(missed).max()) / top
+        empty = n < (EMPTY * n.max() if rounded else 0.0)
+        if not (np.isfinite(defect) and e.min() > 0 and n.min() > -EMPTY * n.max() and (rounded or n.min() > 0)):
             raise LostAccuracy("the exactly linearised step of operator (6) lost its accuracy")
         self.density_defect = max(self.density_defect, defect)
-        return f * (density / n)[:, None]
+        if not empty.any():
+            return f * (density / n)[:, None]
+        new = f * (density / np.where(empty, 1.0, n))[:, None]
+        over_x = f.sum(axis=0)
+        new[empty] = f[empty] / e[empty, None] + np.outer(missed[empty], over_x / (over_x.sum() * self.grid.dv))
+        return np.asarray(new)
 
     def _table(self, h: float) -> _LocalTable:
         whole, half = transition(self.model, h), transition(self.model, h / 2)

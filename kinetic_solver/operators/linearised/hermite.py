@@ -112,7 +112,7 @@ class HermiteLinearisedStep:
         later *= self._nx * self.mean_density / later[0, 0].real
         return later
 
-    def lower(self, spectrum: NDArray[np.complex128]) -> Array:
+    def lower(self, spectrum: NDArray[np.complex128], blur: float = 0.0) -> Array:
         """The coefficients of f."""
         gauge = 1 + np.fft.irfft(spectrum[:, 0] * self._gauge_modes, n=self._nx)
         self._note(spectrum, gauge)
