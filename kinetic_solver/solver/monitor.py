@@ -25,7 +25,7 @@ SHARE = 0.3
 """Of rtol, to each of the losses that a larger grid would mend, since they add up. Chosen."""
 LAST_FUNCTIONS = 0.1
 """Of rtol, to the last two Hermite functions. Chosen: what lies beyond them is of their size."""
-OVERRATED = {"waves": 3.0, "deposits": 5.0}
+OVERRATED = 3.0
 """By how much these estimates of the error by dv are taken to exceed the error itself (tests/convergence/test_estimate.py holds
 them from both sides). The deposits' is taken as it is where noise hardly acts, since what dv cannot hold piles up, and where
 nothing depends on x: a cooling gas erred by 0.4 of it, and more points cost little."""
@@ -194,10 +194,10 @@ def _too_coarse(seen: Observation) -> Problem | None:
         text = f"the last Hermite functions carry {tail:.2g} of f; raise grid.nv ({plan.tolerance})"
         return Problem("nv", tail, _when(seen), text)
     if free(plan, "low"):  # an edge that cuts f, as a given window's may, has short waves of its own
-        folding, uniform = folds(plan), seen.grid.nx == 1
-        error = shortest_waves(seen.f, HIGHEST_WAVES if folding else 0.0) / OVERRATED["waves"]
+        folding = folds(plan)
+        error = shortest_waves(seen.f, HIGHEST_WAVES if folding else 0.0) / OVERRATED
         if plan.law is not None:
-            error = max(error, rate_error(seen, seen.clock) / (1.0 if folding or uniform else OVERRATED["deposits"]))
+            error = max(error, rate_error(seen, seen.clock))
         if error > rtol:
             text = f"the spacing in v is too coarse by an estimated {error:.2g} of max f; raise grid.nv ({plan.tolerance})"
             return Problem("nv", error, _when(seen), text)
