@@ -31,6 +31,4 @@ def run(job: Job) -> list[str]:
     keeper.finish()
     rtol = job.scene.accuracy.rtol
     lines = [f"estimated error {report.error:.2g} of max f (accuracy.rtol = {rtol:g}); limited by {report.limited_by}"]
-    if report.error > rtol:
-        lines.append("warning: the estimated error exceeds accuracy.rtol; certify the run, or lower accuracy.rtol")
     return lines + ([f"missing: {report.missing}"] if report.missing else [])

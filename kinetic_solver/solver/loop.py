@@ -279,8 +279,16 @@ class March:
         return f"between t = {a:.6g} and {b:.6g}" if b > a else f"t = {a:.6g}"
 
     def _last_words(self) -> None:
-        """Warns where given steps were too long, or too short for the kernel."""
+        """Warns where given steps were too long, or too short for the kernel, and where the error that is estimated exceeds rtol."""
         plan, scene = self.scheme.plan, self.scheme.plan.inner
+        rtol = plan.scene.accuracy.rtol
+        # The estimate is about f, where that is written; and what was warned of before says already what is too coarse.
+        if self.estimate.total > rtol and plan.scene.output.f is not False and not self.monitor.warned:
+            warnings.warn(
+                f"the estimated error, {self.estimate.total:.2g} of max f, exceeds accuracy.rtol = {rtol:g}; it is limited by "
+                f"{self.estimate.limited_by()}; refine that, lower accuracy.rtol, or certify the run",
+                stacklevel=2,
+            )
         if plan.stepping != "extrapolated" or plan.law is None:
             return
         if plan.symmetric:
