@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import itertools
 import math
 
 import numpy as np
@@ -155,8 +154,13 @@ def rate_error(seen: Observation, time: float) -> float:
     finer = resize(f, 2 * nv, axis=1, shift=half_cells)
     rate = resize(operator.on(2 * nv).rate(finer), nv, axis=1, shift=-half_cells)
     difference = (operator.rate(f) - rate) / (1 - 0.5 ** POINTS.get(plan.deposit or "", math.inf))
-    response = _response(seen.grid, plan.inner.model, _forgetting(seen), time)
-    return float(np.abs(difference @ response.T).max() / f.max())
+    if time == 0:
+        return 0.0
+    model, forgotten = plan.inner.model, _forgetting(seen)
+    decay = model.friction + forgotten
+    acting = min(time, RESPONSE_ENDS / decay) if decay > 0 else time
+    acting = 2 ** (math.ceil(TIMES_PER_OCTAVE * math.log2(acting)) / TIMES_PER_OCTAVE)
+    return float(np.abs(difference @ _response(seen.grid, model, forgotten, acting).T).max() / f.max())
 
 
 def _forgetting(seen: Observation) -> float:
@@ -169,26 +173,27 @@ def _forgetting(seen: Observation) -> float:
     return float(f"{law.frequency(mean, theta) * law.dissipation / 2:.1e}") if theta > 0 else 0.0
 
 
-SHARES = 6
-"""Intervals, each half of the next, on which the response to an error is integrated, by NODES Gauss-Legendre nodes each."""
+DOUBLINGS = 6
+"""Of the first part of the time, on which the response to an error is integrated by `NODES` Gauss-Legendre nodes."""
 NODES = 3
-RESPONSE_ENDS = 20.0
-"""Times over the slower of its decays after which a response has ended: exp(-20)."""
+RESPONSE_ENDS = 8.0
+"""Times over its slowest decay after which a response has ended: exp(-8)."""
+TIMES_PER_OCTAVE = 8
+"""To which times are rounded up, by 9 % at most, so that a table serves more than one look."""
 
 
-@functools.lru_cache(maxsize=4)
+@functools.lru_cache(maxsize=8)
 def _response(grid: PhaseSpaceGrid, model: Model, forgotten: float, time: float) -> Array:
-    """∫exp(-forgotten·s) K(s) ds over 0 < s < time, (nv, nv)."""
-    decay = model.friction + forgotten
-    end = min(time, RESPONSE_ENDS / decay) if decay > 0 else time
+    """R(t) = ∫exp(-forgotten·s) K(s) ds over 0 < s < t, (nv, nv), by R(2t) = R(t) + exp(-forgotten·t) K(t) R(t)."""
     kernel = OrnsteinUhlenbeckKernel(grid, model)
     places, weights = legendre.leggauss(NODES)
+    t = time / 2**DOUBLINGS
     whole = np.zeros((grid.nv, grid.nv))
-    ends = np.append(0.0, end * 0.5 ** np.arange(SHARES, -1, -1))
-    for a, b in itertools.pairwise(ends.tolist()):
-        for place, weight in zip(places.tolist(), weights.tolist(), strict=True):
-            s = (a + b) / 2 + (b - a) / 2 * place
-            whole += (b - a) / 2 * weight * math.exp(-forgotten * s) * kernel.matrix(s)
+    for place, weight in zip(places.tolist(), weights.tolist(), strict=True):
+        s = t * (1 + place) / 2
+        whole += t / 2 * weight * math.exp(-forgotten * s) * kernel.matrix(s)
+    for n in range(DOUBLINGS):
+        whole += math.exp(-forgotten * t * 2**n) * (kernel.matrix(t * 2**n) @ whole)
     return whole
 
 

@@ -279,7 +279,7 @@ class March:
         return f"between t = {a:.6g} and {b:.6g}" if b > a else f"t = {a:.6g}"
 
     def _last_words(self) -> None:
-        """Warns where given steps were too long, or too short for the kernel, and where the error that is estimated exceeds rtol."""
+        """Warns where given steps were too long, or too short for the kernel, and where the estimated error exceeds rtol."""
         plan, scene = self.scheme.plan, self.scheme.plan.inner
         rtol = plan.scene.accuracy.rtol
         # The estimate is about f, where that is written; and what was warned of before says already what is too coarse.

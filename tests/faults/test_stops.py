@@ -75,7 +75,7 @@ def test_the_slow_edge_counts_with_its_amplification(make_scene: MakeScene) -> N
     """The same f passes without collisions and is refused with (6) at R* = 7, which would make it of order one."""
     grid = {"nx": 9, "nv": 128, "velocity_window": (-4.2, 8.0), "time_step": 0.01, "drift_diffusion": "finite-volume"}
     start = {"modes": [], "mean_velocity": 1.0, "temperature": 0.5, "density": 1.0}
-    with pytest.warns(UserWarning, match="the estimated error, 0.00076 of max f, exceeds accuracy.rtol = 0.0001; .* spacing in v"):
+    with pytest.warns(UserWarning, match="the estimated error, 0.00076 of max f, exceeds accuracy.rtol = 0.0001"):
         solve(make_scene(initial=start, grid=grid, run={"end_time": 0.1}))
     strong = {"operator": "follow-the-leader", "cross_section": 7.0}
     with pytest.warns(UserWarning, match="lower edge"):
