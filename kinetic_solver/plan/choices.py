@@ -49,9 +49,7 @@ def for_thin_places(scales: Scales) -> Scene:
         rtol = min(rtol, JUMP_IN_THE_LOCAL_GAUGE)
     if scene.output.moments is False:
         return scene.model_copy(update={"accuracy": scene.accuracy.model_copy(update={"rtol": rtol})})
-    coupled = scales.law is not None and not scales.amplifies
-    least = measured.LEAST_RTOL_OF_A_STEP if coupled and scene.initial.step is not None else LEAST_RTOL
-    of_f = min(rtol, max(least, scales.stricter(rtol)))
+    of_f = min(rtol, max(LEAST_RTOL, scales.stricter(rtol)))
     return scene.model_copy(update={"accuracy": scene.accuracy.model_copy(update={"rtol": of_f})})
 
 

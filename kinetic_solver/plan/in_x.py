@@ -11,9 +11,10 @@ import numpy as np
 
 from kinetic_solver.arrays import Array
 from kinetic_solver.errors import SceneError
+from kinetic_solver.plan import measured
 from kinetic_solver.plan.criterion import Criterion
 from kinetic_solver.plan.scales import Scales
-from kinetic_solver.plan.waves import DROPPED, MOST_MODES, Waves
+from kinetic_solver.plan.waves import DROPPED, MOST_MODES, MOST_OF_A_STEP, Waves
 
 WATCHED = 8 / 7
 """The highest eighth of the modes stays empty at first: the monitor looks at it (solver/monitor.py)."""
@@ -39,7 +40,7 @@ def points(scales: Scales, waves: Waves) -> Criterion:
             n = _with_room(max(n, more.value), waves)
             reason += f" times exp(SΦ), and no fewer than {math.ceil(more.value)} for {more.reason}"
         else:
-            n = _with_room(2 * n + more.value, waves)
+            n = max(_with_room(2 * n + more.value, waves), products_of_a_step(scales, waves))
             reason += f", their products, and {math.ceil(more.value)} for {more.reason}"
         if scales.amplifies and scene.initial.step is None and not waves.local_gauge:
             # The global gauge transforms f exp(SΦ), which has waves of its own.
@@ -47,6 +48,24 @@ def points(scales: Scales, waves: Waves) -> Criterion:
     if n > MOST_MODES:
         raise SceneError(f"grid.nx: {n} modes would be needed; allowed: {MOST_MODES}; raise accuracy.rtol or shorten pipe.length")
     return Criterion(fast_odd(2 * n + 1), reason)
+
+
+def products_of_a_step(scales: Scales, waves: Waves) -> int:
+    """Modes that keep what products of a step's waves miss below rtol/3 of f: it falls as dx³ (`measured.STEP_PRODUCTS`)."""
+    friction, law = scales.scene.model.friction, scales.law
+    if not waves.products_of_a_step or scales.amplifies or law is None or friction == 0:
+        return 0
+    contrast = law.frequency(float(np.ptp(scales.density)), scales.theta_max) / math.sqrt(scales.theta_max)
+    path = math.sqrt(scales.narrowest) * min(1 / friction, 2 * float(scales.times[1]))
+    dx = (scales.rtol / 3 * path**2 / (measured.STEP_PRODUCTS * contrast)) ** (1 / 3)
+    modes = math.ceil(scales.scene.pipe.length / dx / 2)
+    if modes > (most := MOST_OF_A_STEP["products"]) and scales.scene.grid.nx is None:
+        coarse = 1.1 * scales.asked_for(scales.rtol * (modes / most) ** 3)
+        raise SceneError(
+            f"accuracy.rtol: the products of a jump's waves that these collisions make would need {modes} modes, more than "
+            f"{most}; allowed: {coarse:.2g} or more, smooth modes, or a given grid.nx"
+        )
+    return modes
 
 
 def points_from_now_on(scales: Scales, waves: Waves, modes: int, density: Array) -> int:

@@ -56,8 +56,12 @@ EXTRAPOLATED_STRANG_STEP = (0.15, 1e-4, 1 / 8)
 BUDGET_STEP = 0.25
 """Longest step times (γ + Sρ√θ) at which the quintic spline of the budgets is good to about 1e-6 of what the terms bring.
 tests/invariants/test_solver.py (residuals)."""
+STEP_PRODUCTS = 0.4
+"""What products of a step's waves make of an error of f over max f under (12), over SΔρ dx³/λ², λ = √θ min(1/γ, 2t), t the
+first frame's time; it falls as dx⁴ where that is small. tests/convergence/test_step_products.py."""
 LEAST_RTOL_OF_A_STEP = 5e-5
-"""Below it a density step with collisions is not resolved: errors fall as 1/nx² only. benchmarks/accuracy_rules.py, R* = 2."""
+"""Of f: below it a density step under (6) in the local gauge is not resolved. Errors there fall irregularly: R* = 4, L* = 8π,
+t = 1/2: 6e-5 on 567 points, 2e-4 on 1125. benchmarks/accuracy_rules.py."""
 
 # -- what is cheapest
 

@@ -112,11 +112,12 @@ class Waves:
         where that is least. Raises SceneError where they are more than MOST_OF_A_STEP, unless grid.nx is given.
         """
         scene, first, rtol = self.scales.scene, float(self.scales.times[1]), self.scales.rtol
-        if self.products_of_a_step and rtol < LEAST_RTOL_OF_A_STEP and scene.grid.nx is None:
+        local = self.products_of_a_step and self.scales.amplifies
+        if local and rtol < LEAST_RTOL_OF_A_STEP and scene.grid.nx is None:
             raise SceneError(
-                f"accuracy.rtol: with initial.step f is accurate to {LEAST_RTOL_OF_A_STEP:g} only under these collisions "
-                f"(products with a jump converge slowly in x); allowed: {_up(self.scales.asked_for(LEAST_RTOL_OF_A_STEP))} or "
-                "more, smooth modes, or a given grid.nx"
+                f"accuracy.rtol: with initial.step f is accurate to {LEAST_RTOL_OF_A_STEP:g} only, where collisions are so many "
+                f"that (6) takes the local gauge; allowed: {_up(self.scales.asked_for(LEAST_RTOL_OF_A_STEP))} or more, smooth "
+                "modes, or a given grid.nx"
             )
         allowed = self.scales.rtol / DROPPED
         left_out = self._left_out(first)

@@ -11,7 +11,7 @@ import pytest
 
 from kinetic_solver import Scene, SceneError, exact, initial, solve
 from kinetic_solver.plan import make_plan
-from kinetic_solver.scene import Grid, Output, Run
+from kinetic_solver.scene import Accuracy, Grid, Output, Run
 
 MakeScene = Callable[..., Scene]
 STEP = {"modes": [], "step": {"from": 0.2, "to": 0.45, "ratio": 3.0}}
@@ -62,8 +62,16 @@ def test_what_is_shown_at_time_0_is_the_step_itself(make_scene: MakeScene) -> No
 def test_a_step_is_refused_where_it_cannot_be_resolved(make_scene: MakeScene) -> None:
     """By keys, and following what is allowed works."""
     inelastic = {"operator": "inelastic", "cross_section": 0.6, "restitution": 0.5}
-    with pytest.raises(SceneError, match=r"accuracy\.rtol: with initial\.step f is accurate to 5e-05 only"):
-        solve(make_scene(collisions=inelastic, initial=STEP, accuracy={"rtol": 1e-5}))
+    for collisions, pipe, words in (
+        (follow(4.0), {"length": 30.0}, r"with initial\.step f is accurate to 5e-05 only"),
+        (inelastic, {"length": 60.0}, r"the products of a jump's waves .* would need \d+ modes, more than 2500"),
+    ):
+        fine = make_scene(collisions=collisions, initial=STEP, pipe=pipe, accuracy={"rtol": 1e-6}, run={"end_time": 2.0})
+        with pytest.raises(SceneError, match=rf"accuracy\.rtol: {words}") as refused:
+            make_plan(fine)
+        found = re.search(r"allowed: (\S+) or more", str(refused.value))
+        assert found is not None
+        make_plan(fine.model_copy(update={"accuracy": Accuracy(rtol=float(found[1]))}))
     early = make_scene(initial=STEP, run={"end_time": 0.05, "output_every": 1e-4}, accuracy={"rtol": 1e-2})
     with pytest.raises(SceneError, match=r"initial\.step: .* more than 20000 modes at the first frame, t = 0\.0001") as refused:
         solve(early)
