@@ -1,23 +1,31 @@
-"""How many threads the linear algebra takes."""
+"""How many threads the linear algebra takes, and loops over rows of f."""
 
 from __future__ import annotations
 
 import functools
+import sys
 from collections.abc import Callable
 from typing import Any, ParamSpec, TypeVar
+
+SECONDS_OF_A_THREAD = 2e-3
+"""Work that is worth a thread: to start and join one takes 0.1 ms, more where the cores are busy."""
 
 P = ParamSpec("P")
 R = TypeVar("R")
 
 
-def one_blas_thread() -> Any:
+def one_blas_thread(with_scipy: bool = True) -> Any:
     """A context in which BLAS runs on one thread; numba's own threads are left alone.
 
-    The parallel collision kernels leave OpenMP's threads spinning for a moment, and BLAS's threads, called next, would
-    wait for the same cores: steps 30 times slower on two cores (docs/performance.md). It also makes results independent of
-    the number of cores.
+    BLAS's threads wait busily for each other and for those of the loops: steps 30 times slower on two cores
+    (docs/performance.md). It also makes results independent of the number of cores.
+
+    SciPy has a BLAS of its own, which is loaded here so that it is among them. `with_scipy=False` is for what does without, and
+    would wait a tenth of a second for it: if it is loaded it is among them all the same.
     """
-    return _controller().limit(limits=1, user_api="blas")
+    if with_scipy:
+        import scipy.linalg  # noqa: F401
+    return _controller("scipy.linalg" in sys.modules).limit(limits=1, user_api="blas")
 
 
 def with_one_blas_thread(function: Callable[P, R]) -> Callable[P, R]:
@@ -32,9 +40,27 @@ def with_one_blas_thread(function: Callable[P, R]) -> Callable[P, R]:
 
 
 @functools.cache
-def _controller() -> Any:
-    # Looking for the loaded libraries takes milliseconds, so it is done once; NumPy's and SciPy's BLAS are among them by then.
-    import scipy.linalg  # noqa: F401
+def _controller(with_scipy: bool) -> Any:
+    # Looking for the loaded libraries takes milliseconds, so it is done once, and again when SciPy's has come.
     from threadpoolctl import ThreadpoolController
 
     return ThreadpoolController()
+
+
+def over_rows(work: Callable[[slice], None], rows: int, seconds: float) -> None:
+    """`work` on all rows, by parts in as many threads as numba may have, or fewer where it takes only so many seconds.
+
+    `work` lets go of the interpreter's lock, as NumPy does, and what it makes of a row does not depend on the part it is in.
+    """
+    import numba
+
+    threads = max(1, min(numba.get_num_threads(), rows, int(seconds / SECONDS_OF_A_THREAD)))
+    if threads == 1:
+        return work(slice(0, rows))
+    from concurrent.futures import ThreadPoolExecutor
+
+    # These threads last no longer than the call: a process that is forked later has no pool without its threads.
+    with ThreadPoolExecutor(threads) as pool:
+        parts = [slice(part * rows // threads, (part + 1) * rows // threads) for part in range(threads)]
+        for done in [pool.submit(work, part) for part in parts]:
+            done.result()

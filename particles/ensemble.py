@@ -16,14 +16,16 @@ from numpy.typing import NDArray
 
 from kinetic_solver.arrays import Array
 from kinetic_solver.errors import SolverStopped
-from particles.langevin import LangevinStep, advance, moved
+from particles.langevin import LangevinStep, advance, move
+from particles.random import BLOCK, SHARE, scratch
 
 BLOCKS = 64
-"""At most; fewer where cells hold few particles, so that the blocks' counts take at most 8 bytes a particle."""
+"""At most; fewer where cells hold few particles, so that the blocks' counts take at most 8 bytes a particle, and fewer than a
+share of the random numbers' loops (random.py) would be in each."""
 
 
 def blocks_of(count: int, cells: int) -> int:
-    return max(2, min(BLOCKS, count // cells))
+    return max(2, min(BLOCKS, count // cells, count // SHARE))
 
 
 def memory(count: int, cells: int) -> int:
@@ -43,7 +45,6 @@ class Ensemble:
         self._other_x, self._other_v = np.empty_like(self.x), np.empty_like(self.v)
         self._cell = np.empty(self.x.size, dtype=np.int32)
         self._counts = np.empty((blocks_of(self.x.size, cells), cells), dtype=np.int64)
-        self._lost = np.empty(len(self._counts), dtype=np.int64)
         self.starts: NDArray[np.int64] = np.empty(cells + 1, dtype=np.int64)
 
     @property
@@ -58,15 +59,13 @@ class Ensemble:
 
     def advance(self, step: LangevinStep, number: int, key: NDArray[np.uint64]) -> None:
         """The Langevin step, without sorting."""
-        advance(self.x, self.v, self.length, astuple(step), number, key[0], key[1])
-        if not np.isfinite(self.x.min() + self.v.min() + self.v.max()):
+        if advance(self.x, self.v, self.length, astuple(step), np.uint64(number), key[0], key[1]) > 0:
             raise _lost(number)
 
     def advance_and_sort(self, step: LangevinStep, number: int, key: NDArray[np.uint64]) -> None:
         """The same, after which particles lie in the order of their cells."""
-        arrays = self.x, self.v, self._cell, self._counts, self._lost
-        _advance_and_count(*arrays, self.length, astuple(step), np.uint64(number), key[0], key[1])
-        if self._lost.any():
+        arrays = self.x, self.v, self._cell, self._counts
+        if _advance_and_count(*arrays, self.length, astuple(step), np.uint64(number), key[0], key[1]) > 0:
             raise _lost(number)
         _places(self._counts, self.starts)
         _scatter(self.x, self.v, self._cell, self._counts, self._other_x, self._other_v)
@@ -81,21 +80,24 @@ def _lost(number: int) -> SolverStopped:
 
 
 @numba.njit(parallel=True, cache=True)
-def _advance_and_count(x, v, cell, counts, lost, length, coefficients, step, k0, k1):  # type: ignore[no-untyped-def]
-    """One Langevin step in place; the new cell of each particle; counts (blocks, cells) of them; how many a block has lost."""
+def _advance_and_count(x, v, cell, counts, length, coefficients, step, k0, k1):  # type: ignore[no-untyped-def]
+    """One Langevin step in place; the new cell of each particle; counts (blocks, cells) of them. Returns as `move` does."""
     blocks, cells = counts.shape
     per_length = cells / length
+    lost = 0
     for b in numba.prange(blocks):
+        bits, deviates = scratch()
         counts[b] = 0
-        lost[b] = 0
-        for i in range(b * x.size // blocks, (b + 1) * x.size // blocks):
-            x[i], v[i] = moved(x[i], v[i], length, coefficients, i, step, k0, k1)
-            if not (x[i] >= 0.0 and abs(v[i]) < np.inf):  # NaN has no cell
-                lost[b] += 1
-                x[i] = 0.0
-            c = min(np.int32(x[i] * per_length), np.int32(cells - 1))
-            cell[i] = c
-            counts[b, c] += 1
+        end = (b + 1) * x.size // blocks
+        for first in range(b * x.size // blocks, end, BLOCK):
+            last = min(first + BLOCK, end)
+            lost += move(x[first:last], v[first:last], length, coefficients, first, step, k0, k1, bits, deviates)
+            for i in range(first, last):
+                place = x[i] if x[i] >= 0.0 else 0.0  # NaN has no cell
+                cell[i] = min(np.int32(place * per_length), np.int32(cells - 1))
+            for i in range(first, last):
+                counts[b, cell[i]] += 1
+    return lost
 
 
 @numba.njit(cache=True)

@@ -12,9 +12,10 @@ import math
 from dataclasses import dataclass
 
 import numba
+import numpy as np
 
 from kinetic_solver.scene import Model
-from particles.random import LANGEVIN, normal, words
+from particles.random import BLOCK, LANGEVIN, SHARE, normals, scratch
 
 
 @dataclass(frozen=True)
@@ -68,22 +69,35 @@ def _excess(tau: float) -> float:
     return 1 / (4 * (3 + fraction + x))
 
 
-@numba.njit(inline="always")
-def moved(x, v, length, coefficients, index, step, k0, k1):  # type: ignore[no-untyped-def]
-    """(x, v) of one particle after the step, with the two deviates of counter `index`."""
+@numba.njit
+def move(x, v, length, coefficients, first, step, k0, k1, bits, deviates):  # type: ignore[no-untyped-def]
+    """x, v of at most BLOCK particles in place over one step, with the deviates of the counters from `first` on.
+
+    x is kept in [0, length). Returns how many of the particles are no longer finite. `bits` and `deviates` are `scratch`.
+    """
     x_velocity, x_constant, x_noise_of_v, x_noise, v_velocity, v_constant, v_noise = coefficients
-    a, b, c, d = words(LANGEVIN, index, step, 0, k0, k1)
-    first = normal(a, b, LANGEVIN, index, step, 0, k0, k1)
-    second = normal(c, d, LANGEVIN, index, step, 1, k0, k1)
-    place = x + x_velocity * v + x_constant + x_noise_of_v * first + x_noise * second
-    return wrapped(place, length), v_velocity * v + v_constant + v_noise * first
+    normals(deviates, bits, LANGEVIN, first, step, k0, k1)
+    lost = 0
+    for j in range(x.size):
+        n_v, n_x = deviates[0, j], deviates[1, j]
+        place = wrapped(x[j] + x_velocity * v[j] + x_constant + x_noise_of_v * n_v + x_noise * n_x, length)
+        velocity = v_velocity * v[j] + v_constant + v_noise * n_v
+        lost += not (place >= 0.0 and abs(velocity) < np.inf)
+        x[j], v[j] = place, velocity
+    return lost
 
 
 @numba.njit(parallel=True, cache=True)
 def advance(x, v, length, coefficients, step, k0, k1):  # type: ignore[no-untyped-def]
-    """x, v (n,) in place over one step, x kept in [0, length). Particle i takes counter i's deviates, whatever the threads."""
-    for i in numba.prange(x.size):
-        x[i], v[i] = moved(x[i], v[i], length, coefficients, i, step, k0, k1)
+    """x, v (n,) in place over one step; particle i takes counter i's deviates, whatever the threads. Returns as `move` does."""
+    lost = 0
+    for share in numba.prange((x.size + SHARE - 1) // SHARE):
+        bits, deviates = scratch()
+        end = min((share + 1) * SHARE, x.size)
+        for first in range(share * SHARE, end, BLOCK):
+            last = min(first + BLOCK, end)
+            lost += move(x[first:last], v[first:last], length, coefficients, first, step, k0, k1, bits, deviates)
+    return lost
 
 
 @numba.njit(inline="always")

@@ -70,16 +70,66 @@ TAIL = 3.6541528853610088
 _WIDTH, _HEIGHT = _ziggurat()
 
 
+BLOCK = 128
+"""Indices whose numbers are made together, in loops that the compiler turns into vector instructions: Philox then takes 0.9 ns an
+index, and 13 ns one by one (one core of an AMD EPYC with 512-bit vectors). Blocks of 32 to 256 took the same."""
+
+
+@numba.njit
+def scratch():  # type: ignore[no-untyped-def]
+    """(bits, deviates) for `normals` to work in, both (2, BLOCK)."""
+    return np.empty((2, BLOCK), np.uint64), np.empty((2, BLOCK))
+
+
+@numba.njit
+def draw_bits(bits, purpose, first, step, k0, k1):  # type: ignore[no-untyped-def]
+    """Fill `bits`, shape (2, n): two times 64 random bits of each of the n indices from `first` on, of their draw 0."""
+    for j in range(bits.shape[1]):
+        a, b, c, d = words(purpose, first + j, step, 0, k0, k1)
+        bits[0, j] = (a << _WORD) | b
+        bits[1, j] = (c << _WORD) | d
+
+
+@numba.njit
+def normals(deviates, bits, purpose, first, step, k0, k1):  # type: ignore[no-untyped-def]
+    """Fill `deviates` with two standard normal deviates of each index from `first` on; all that `bits` held is lost.
+
+    A deviate takes 64 bits; one in 67 takes further draws, the first of an index at 2, 4, … and the second at 3, 5, … of the same
+    counter.
+    """
+    draw_bits(bits, purpose, first, step, k0, k1)
+    for which in range(2):
+        if _inside(deviates[which], bits[which]) > 0:
+            _complete(deviates[which], bits[which], purpose, first, step, which, k0, k1)
+
+
 @numba.njit(inline="always")
-def normal(high, low, purpose, index, step, draw, k0, k1):  # type: ignore[no-untyped-def]
-    """A standard normal deviate from 64 random bits; one in 80 takes further draws, at `draw` + 2, + 4, … of the same counter."""
-    bits = (high << _WORD) | low
-    layer = np.int64(bits & np.uint64(255))
+def _point(bits):  # type: ignore[no-untyped-def]
+    """(layer, sign, fraction of the layer's width) from 64 bits."""
     sign = 1.0 - 2.0 * float((bits >> _BYTE) & np.uint64(1))
-    fraction = float(bits >> np.uint64(11)) * _UNIT_53
-    if fraction * _WIDTH[layer] < _WIDTH[layer + 1]:
-        return sign * fraction * _WIDTH[layer]
-    return _outside(layer, sign, fraction, purpose, index, step, draw, k0, k1)
+    return np.int64(bits & np.uint64(255)), sign, float(bits >> np.uint64(11)) * _UNIT_53
+
+
+@numba.njit
+def _inside(deviates, bits):  # type: ignore[no-untyped-def]
+    """Deviates whose points are inside their layers' inner rectangles; NaN for the others, whose number is returned."""
+    others = 0
+    for j in range(bits.size):
+        layer, sign, fraction = _point(bits[j])
+        x = fraction * _WIDTH[layer]
+        inside = x < _WIDTH[layer + 1]
+        deviates[j] = sign * x if inside else np.nan
+        others += not inside
+    return others
+
+
+@numba.njit
+def _complete(deviates, bits, purpose, first, step, draw, k0, k1):  # type: ignore[no-untyped-def]
+    """The deviates that `_inside` left."""
+    for j in range(bits.size):
+        if math.isnan(deviates[j]):
+            layer, sign, fraction = _point(bits[j])
+            deviates[j] = _outside(layer, sign, fraction, purpose, first + j, step, draw, k0, k1)
 
 
 @numba.njit
@@ -103,18 +153,30 @@ def _outside(layer, sign, fraction, purpose, index, step, draw, k0, k1):  # type
             return sign * fraction * _WIDTH[layer]
 
 
+SHARE = 32 * BLOCK
+"""Indices of one turn of a parallel loop, which has scratch of its own: many enough that to allocate it costs nothing."""
+
+
 @numba.njit(parallel=True, cache=True)
 def standard_normals(out, purpose, step, k0, k1):  # type: ignore[no-untyped-def]
     """Fill `out`, shape (n, 2), with the two deviates of each of n indices."""
-    for i in numba.prange(out.shape[0]):
-        a, b, c, d = words(purpose, i, step, 0, k0, k1)
-        out[i, 0] = normal(a, b, purpose, i, step, 0, k0, k1)
-        out[i, 1] = normal(c, d, purpose, i, step, 1, k0, k1)
+    count = out.shape[0]
+    for share in numba.prange((count + SHARE - 1) // SHARE):
+        bits, deviates = scratch()
+        end = min((share + 1) * SHARE, count)
+        for first in range(share * SHARE, end, BLOCK):
+            normals(deviates, bits, purpose, first, step, k0, k1)
+            for i in range(first, min(first + BLOCK, end)):
+                out[i, 0], out[i, 1] = deviates[0, i - first], deviates[1, i - first]
 
 
 @numba.njit(parallel=True, cache=True)
 def uniforms(out, purpose, step, k0, k1):  # type: ignore[no-untyped-def]
     """Fill `out`, shape (n,), with numbers in [0, 1) of 53 bits."""
-    for i in numba.prange(out.size):
-        a, b, _, _ = words(purpose, i, step, 0, k0, k1)
-        out[i] = float(((a << _WORD) | b) >> np.uint64(11)) * _UNIT_53
+    for share in numba.prange((out.size + SHARE - 1) // SHARE):
+        bits, _ = scratch()
+        end = min((share + 1) * SHARE, out.size)
+        for first in range(share * SHARE, end, BLOCK):
+            draw_bits(bits, purpose, first, step, k0, k1)
+            for i in range(first, min(first + BLOCK, end)):
+                out[i] = float(bits[0, i - first] >> np.uint64(11)) * _UNIT_53

@@ -34,7 +34,7 @@ from kinetic_solver.errors import SceneError, SolverStopped
 from kinetic_solver.laws import PairLaw
 from kinetic_solver.scene import Model
 from particles.langevin import LangevinStep
-from particles.random import LANGEVIN, OVERTAKINGS, normal, unit, words
+from particles.random import BLOCK, LANGEVIN, OVERTAKINGS, normals, scratch, unit, words
 from particles.specialised import specialised
 
 
@@ -150,11 +150,13 @@ def _advance(  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True)
 def _kick(v, coefficients, step, k0, k1):  # type: ignore[no-untyped-def]
-    """The Ornstein-Uhlenbeck process, in place. Slot s takes the deviate of counter s, whoever is in it."""
+    """The Ornstein-Uhlenbeck process, in place. Slot s takes the first deviate of counter s, whoever is in it."""
     v_velocity, v_constant, v_noise = coefficients
-    for s in range(v.size):
-        a, b, _, _ = words(LANGEVIN, s, step, 0, k0, k1)
-        v[s] = v_velocity * v[s] + v_constant + v_noise * normal(a, b, LANGEVIN, s, step, 0, k0, k1)
+    bits, deviates = scratch()
+    for begin in range(0, v.size, BLOCK):
+        normals(deviates, bits, LANGEVIN, begin, step, k0, k1)
+        for s in range(begin, min(begin + BLOCK, v.size)):
+            v[s] = v_velocity * v[s] + v_constant + v_noise * deviates[0, s - begin]
 
 
 @numba.njit(cache=True)

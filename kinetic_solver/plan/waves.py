@@ -10,8 +10,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq
-from scipy.special import exp1
 
 from kinetic_solver.arrays import Array
 from kinetic_solver.errors import SceneError
@@ -134,6 +132,8 @@ class Waves:
                 "initial.step: without noise a jump in f stays a jump, which no waves can hold; allowed: output.f = false, "
                 "model.friction and model.noise > 0, smooth modes, or a given grid.nx"
             )
+        from scipy.optimize import brentq  # here: most runs do without SciPy, which is slow to load
+
         advice, later = [], first
         while self._left_out(later)[-1] > allowed and later < MUCH_LATER * first:
             later *= 2
@@ -171,6 +171,8 @@ class Waves:
     @functools.cached_property
     def _resolved_spread(self) -> float:
         """Of displacement at fixed velocity, at which the modes of a step do."""
+        from scipy.optimize import brentq
+
         allowed, first = self.scales.rtol / DROPPED, float(self.scales.times[1])
 
         def excess(t: float) -> float:
@@ -191,6 +193,8 @@ class Waves:
 
     def _left_out(self, time: float) -> Array:
         """What is left of f, over its maximum, by the waves of a density step beyond the first n = 1, 2, … together."""
+        from scipy.special import exp1
+
         scene, law, theta = self.scales.scene, self.scales.law, self.scales.narrowest
         spread = self._left_at_fixed_velocity(time)
         if scene.output.f is False and law is None:  # a density forgets its waves as the velocities mix them

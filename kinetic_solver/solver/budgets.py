@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 from numpy.polynomial import legendre
-from scipy.interpolate import make_interp_spline
 
 from kinetic_solver.arrays import Array
 from kinetic_solver.operators.moments import totals
@@ -183,6 +182,9 @@ class Ledger:
     def _spline_integral(self, start: float, end: float) -> Array:
         times = [node[0] for node in self._nodes]
         values = np.array([(*total[1:], *change) for _, total, change in self._nodes])
+        # Here, because it takes as long to load as all of NumPy twice: exact steps book without splines.
+        from scipy.interpolate import make_interp_spline
+
         return np.asarray(make_interp_spline(times, values, k=min(5, len(times) - 1)).integrate(start, end))
 
     def record(self) -> dict[str, float]:

@@ -54,7 +54,7 @@ def integrate(
     With a `state` that `checkpoint.snapshot` took in `after_step` it goes on from there, with the bits of a run that was never
     stopped, and the recorder is handed the frames after `state["frame"]`.
     """
-    with one_blas_thread():
+    with one_blas_thread(with_scipy=False):
         march = March(plan, recorder, progress, after_step)
         if state is not None:
             checkpoint.restore(march, state)

@@ -213,6 +213,21 @@ def test_help_loads_nothing_heavy(arguments: list[str]) -> None:
     assert loaded(code) == []
 
 
+@pytest.mark.parametrize("scene", ["pipe", "small", "kramers"])
+def test_a_run_of_exact_steps_loads_neither_compiler_nor_scipy(scene: str, tmp_path: Path) -> None:
+    """What (6) and no collisions need: arrays, their Fourier transforms, and files."""
+    arguments = ["run", str(ROOT / "scenes" / f"{scene}.toml"), "-o", str(tmp_path / "run.nc"), "--set", "run.end_time=1.0"]
+    code = f"sys.argv = ['kinetic-solver', *{arguments}]\ntry:\n    import kinetic_solver.__main__\nexcept SystemExit: pass"
+    assert loaded(code) == ["numpy", "netCDF4", "pyfftw"]
+    assert (tmp_path / "run.nc").exists()
+
+
+def test_scipy_comes_whole_after_pyfftw() -> None:
+    """fourier.py keeps pyfftw from loading scipy.fftpack, and nobody else."""
+    code = "from kinetic_solver.operators.fourier import RealTransform\nRealTransform(8, 3)\nimport scipy.fftpack"
+    assert loaded(f"{code}\nscipy.fftpack.fft([1.0, 2.0])") == ["numpy", "scipy", "pyfftw"]
+
+
 def test_a_scene_is_checked_without_compilers_and_files() -> None:
     scene = "{'pipe': {'length': 1.0}, 'run': {'end_time': 1.0}}"
     assert loaded(f"from kinetic_solver import Scene; Scene.model_validate({scene})") == ["numpy"]

@@ -9,6 +9,7 @@ import numba
 import numpy as np
 import pytest
 
+from kinetic_solver import threads as threads_module
 from kinetic_solver.operators.collisions import FollowLeader, Inelastic
 
 EPS = np.finfo(float).eps
@@ -238,7 +239,8 @@ def test_follow_leader_conserves_mass_and_is_positive(dt: float) -> None:
 
 
 @pytest.mark.parametrize("operator", [FollowLeader(velocities(64), S), Inelastic(velocities(64), S, 0.4, "cubic")])
-def test_bits_do_not_depend_on_threads(operator: FollowLeader | Inelastic) -> None:
+def test_bits_do_not_depend_on_threads(operator: FollowLeader | Inelastic, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(threads_module, "SECONDS_OF_A_THREAD", 1e-9)  # so little work would get one thread
     f = np.tile(states(operator.velocity), (5, 1)) * np.linspace(0.5, 2, 15)[:, None]
     before = numba.get_num_threads()
     results = []
@@ -249,3 +251,19 @@ def test_bits_do_not_depend_on_threads(operator: FollowLeader | Inelastic) -> No
     finally:
         numba.set_num_threads(before)
     assert np.array_equal(*results)
+
+
+def test_rows_in_threads_are_all_of_them_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In parts that join, one for each thread that there is work for; what goes wrong in a part is raised."""
+    monkeypatch.setattr(numba, "get_num_threads", lambda: 3)
+    for rows, seconds, expected in ((7, 1.0, 3), (2, 1.0, 2), (7, 2.1 * threads_module.SECONDS_OF_A_THREAD, 2), (7, 1e-5, 1)):
+        parts: list[slice] = []
+        threads_module.over_rows(parts.append, rows, seconds)
+        assert len(parts) == expected
+        assert sorted(i for part in parts for i in range(rows)[part]) == list(range(rows))
+
+    def broken(part: slice) -> None:
+        raise ZeroDivisionError(part)
+
+    with pytest.raises(ZeroDivisionError):
+        threads_module.over_rows(broken, 7, 1.0)

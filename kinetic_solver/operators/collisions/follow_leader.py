@@ -2,13 +2,7 @@
 
 from __future__ import annotations
 
-import numba
-import numpy as np
-
 from kinetic_solver.arrays import Array
-
-LARGEST_EXPONENT = 500.0
-"""Largest exponent of one piece of a substep. The logarithm of the largest double is 709; f itself needs some of that."""
 
 
 class FollowLeader:
@@ -31,38 +25,7 @@ class FollowLeader:
 
     def __call__(self, f: Array, dt: float) -> Array:
         """f exp(-Sρ v dt), brought back to the same ρ: the exact solution, since ρ stays as it is."""
-        return _substep(np.ascontiguousarray(f), self.velocity, self.cross_section * dt * self.dv)
+        # Here, because it loads numba: runs in exact steps, most of those of (6), never come by.
+        from kinetic_solver.operators.collisions.tilt import tilted
 
-
-@numba.njit(parallel=True, cache=True)
-def _substep(f: Array, v: Array, s: float) -> Array:
-    nx, nv = f.shape
-    out = f.copy()
-    for i in numba.prange(nx):
-        row = out[i]
-        total = 0.0
-        for j in range(nv):
-            total += row[j]
-        # One piece, unless exp would overflow; pieces compose exactly.
-        pieces = 1 + int(abs(s * total) * (v[-1] - v[0]) / LARGEST_EXPONENT)
-        for _ in range(pieces):
-            _tilt(row, v, s * total / pieces, total)
-    return out
-
-
-@numba.njit(cache=True)
-def _tilt(row: Array, v: Array, a: float, total: float) -> None:
-    """row ∝ row exp(-a v), with the same sum."""
-    if total == 0.0:
-        return
-    flux = 0.0
-    for j in range(v.size):
-        flux += row[j] * v[j]
-    mean = flux / total  # about the mean velocity the exponent is small where f is large
-    new = 0.0
-    for j in range(v.size):
-        row[j] *= np.exp(-a * (v[j] - mean))
-        new += row[j]
-    scale = total / new
-    for j in range(v.size):
-        row[j] *= scale
+        return tilted(f, self.velocity, self.cross_section * dt * self.dv)

@@ -10,7 +10,6 @@ import functools
 import math
 from collections.abc import Callable
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -56,7 +55,10 @@ class PairCollisions:
         if self.idle:
             return np.zeros_like(f)
         scale = self.law.cross_section * self.dv**2
-        out = _rate(np.ascontiguousarray(f), scale, *self._linear, *self._high)
+        # Here, because it loads numba, and looks at its cache: plans of other laws import this module.
+        from kinetic_solver.operators.collisions.pair_sums import pair_rates
+
+        out = pair_rates(f, scale, *self._linear, *self._high)
         if self._kink:
             square = (scale * self._kink) * f[:, 1:-1] ** 2
             out[:, :-2] += square
@@ -90,8 +92,8 @@ class PairCollisions:
         return f / stages + (stages - 1) / stages * last
 
 
-Stencils = tuple[NDArray[np.int64], Array, NDArray[np.int64], Array]
-"""First indices (nv,), counted from the slower particle, and weights (nv, points), of the one and of the other place."""
+Stencils = tuple[NDArray[np.int64], Array]
+"""First indices (2, nv), counted from the slower particle, and weights (2, nv, points), of the one and of the other place."""
 
 
 @functools.lru_cache(maxsize=MOST_TABLES)
@@ -111,7 +113,7 @@ def _stencils(slower: Array, faster: Array, apart: NDArray[np.int64], points: in
     """Lagrange stencils around both places for each distance m; the faster one's mirrored, as seen from the faster particle."""
     first, weights = _lagrange(slower, points)
     mirrored_first, mirrored = _lagrange(apart - faster, points)
-    return first, weights, apart - mirrored_first - (points - 1), np.ascontiguousarray(mirrored[:, ::-1])
+    return np.stack([first, apart - mirrored_first - (points - 1)]), np.stack([weights, mirrored[:, ::-1]])
 
 
 def _lagrange(place: Array, points: int) -> tuple[NDArray[np.int64], Array]:
@@ -124,103 +126,3 @@ def _lagrange(place: Array, points: int) -> tuple[NDArray[np.int64], Array]:
             if other != node:
                 weights[:, node] *= (s - other) / (node - other)
     return first, weights
-
-
-@numba.njit(parallel=True, cache=True)
-def _rate(
-    f: Array,
-    scale: float,
-    linear_slow: NDArray[np.int64],
-    linear_slow_weights: Array,
-    linear_fast: NDArray[np.int64],
-    linear_fast_weights: Array,
-    high_slow: NDArray[np.int64],
-    high_slow_weights: Array,
-    high_fast: NDArray[np.int64],
-    high_fast_weights: Array,
-) -> Array:
-    nx, nv = f.shape
-    points = high_slow_weights.shape[1]
-    pad = points - 1
-    out = np.empty_like(f)
-    for i in numba.prange(nx):
-        row = f[i]
-        c = out[i]
-        _loss(c, row, scale)
-        padded = np.zeros(nv + 2 * pad)
-        for m in range(1, nv):
-            pairs = nv - m
-            p = padded[pad : pad + pairs]
-            _pair_rates(p, row[:pairs], row[m:], scale * m)
-            padded[pad + pairs : pad + pairs + pad] = 0.0
-            # [begin, end): pairs whose stencils, which may overhang the pair on either side, stay inside the window
-            slow, fast = high_slow[m], high_fast[m]
-            begin = min(max(0, -slow, -fast), pairs)
-            end = max(begin, pairs - max(0, slow + pad - m, fast + pad - m))
-            if begin > 0 or end < pairs:
-                for q in range(2):
-                    near, far = linear_slow[m] + q, linear_fast[m] + q
-                    w, u = linear_slow_weights[m, q], linear_fast_weights[m, q]
-                    if w != 0.0:
-                        for j in range(begin):
-                            c[near + j] += w * p[j]
-                        for j in range(end, pairs):
-                            c[near + j] += w * p[j]
-                    if u != 0.0:
-                        for j in range(begin):
-                            c[far + j] += u * p[j]
-                        for j in range(end, pairs):
-                            c[far + j] += u * p[j]
-                p[:begin] = 0.0
-                p[end:] = 0.0
-            if end > begin:
-                reached = end - begin + pad
-                source = padded[begin : begin + reached + pad]
-                slow += begin
-                fast += begin
-                _gain(c[slow : slow + reached], source, high_slow_weights[m])
-                _gain(c[fast : fast + reached], source, high_fast_weights[m])
-    return out
-
-
-# The three loops below take slices, not offsets: so the compiler knows that no index is negative, and vectorises them.
-
-
-@numba.njit(cache=True)
-def _loss(c: Array, f: Array, scale: float) -> None:
-    """c = -scale f_k Σ_j f_j |k - j|, by running sums."""
-    total = 0.0
-    distance = 0.0
-    for k in range(f.size):
-        c[k] = distance
-        total += f[k]
-        distance += total
-    total = 0.0
-    distance = 0.0
-    for k in range(f.size - 1, -1, -1):
-        c[k] = -scale * f[k] * (c[k] + distance)
-        total += f[k]
-        distance += total
-
-
-@numba.njit(cache=True)
-def _pair_rates(p: Array, slower: Array, faster: Array, scale: float) -> None:
-    for j in range(p.size):
-        p[j] = scale * slower[j] * faster[j]
-
-
-@numba.njit(cache=True)
-def _gain(c: Array, p: Array, w: Array) -> None:
-    """c_k += Σ_q w_q p_{k - q}, p padded with zeros."""
-    if w.size == 2:
-        w0, w1 = w[0], w[1]
-        for k in range(c.size):
-            c[k] += w0 * p[k + 1] + w1 * p[k]
-    elif w.size == 4:
-        w0, w1, w2, w3 = w[0], w[1], w[2], w[3]
-        for k in range(c.size):
-            c[k] += (w0 * p[k + 3] + w1 * p[k + 2]) + (w2 * p[k + 1] + w3 * p[k])
-    else:
-        w0, w1, w2, w3, w4, w5 = w[0], w[1], w[2], w[3], w[4], w[5]
-        for k in range(c.size):
-            c[k] += (w0 * p[k + 5] + w1 * p[k + 4]) + (w2 * p[k + 3] + w3 * p[k + 2]) + (w4 * p[k + 1] + w5 * p[k])

@@ -18,7 +18,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import roots_legendre
 
 from kinetic_solver.arrays import Array
 from kinetic_solver.errors import LostAccuracy
@@ -110,7 +109,7 @@ class _Nodes:
 
 
 def _nodes(grid: PhaseSpaceGrid, count: int) -> _Nodes:
-    points, weights = roots_legendre(count)
+    points, weights = np.polynomial.legendre.leggauss(count)
     distance = np.append(grid.dx * (1 - points) / 2, grid.dx)
     phase = np.outer(distance, grid.wavenumbers)
     # [1 - exp(-ikr)]/ik, without the difference

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import functools
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import sparse
 
 from kinetic_solver.arrays import Array
 from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.scene import Model
+
+if TYPE_CHECKING:
+    # Loaded where it is used: runs that choose another matrix, most of them, start without it.
+    from scipy import sparse
 
 _STAGGERED = (
     (1.0,),
@@ -83,10 +87,14 @@ class FiniteVolume:
 
     def generator(self) -> sparse.csr_array:
         """A, with df/dt = A f; its columns sum to 0."""
+        from scipy import sparse
+
         up, down = self._rates
         return sparse.diags_array([up[:-1], -(up + down), down[1:]], offsets=[-1, 0, 1], format="csr")
 
     def matrix(self, h: float) -> Array:
+        from scipy import sparse
+
         generator = self.generator()
         shift = float(-generator.diagonal().min())
         squarings = max(0, int(np.ceil(np.log2(max(shift * h, 1.0)))))
@@ -134,6 +142,8 @@ class HighOrderFiniteVolume(FiniteVolume):
 
     def generator(self) -> sparse.csr_array:
         """A, with df/dt = A f; its columns sum to 0."""
+        from scipy import sparse
+
         g, gamma, sigma = self.model.gravity, self.model.friction, self.model.noise
         dv, nv = self.grid.dv, self.grid.nv
         centre, face = self.grid.v - g / gamma, self.grid.faces[1:-1] - g / gamma
