@@ -20,14 +20,14 @@ import numpy as np
 
 from kinetic_solver.dataset import Recorder
 from kinetic_solver.errors import LostAccuracy, SceneError, SolverStopped, StepTooSmall
-from kinetic_solver.plan import Plan, choices
+from kinetic_solver.plan import Plan
 from kinetic_solver.solver import adaptation
 from kinetic_solver.solver.adaptation import Change, History, Stop
 from kinetic_solver.solver.budgets import Ledger, Mark
 from kinetic_solver.solver.estimate import ErrorEstimate
 from kinetic_solver.solver.monitor import Monitor, Problem, folds, free
 from kinetic_solver.solver.observation import Observation
-from kinetic_solver.solver.report import Report
+from kinetic_solver.solver.report import Report, last_words
 from kinetic_solver.solver.scheme import assemble
 from kinetic_solver.solver.writer import Writer
 from kinetic_solver.stepping import ExactSteps, Stalled, Step
@@ -103,7 +103,9 @@ class March:
                     while self.now.clock < then:
                         self._march_to(then)
                 self._write(frame)
-        self._last_words()
+        last_words(
+            self.scheme, self.estimate, self.errors / float(np.abs(self.now.f).max()), self.shortest, bool(self.monitor.warned)
+        )
         return self._report()
 
     # -- one interval
@@ -277,30 +279,6 @@ class March:
         place = self.scheme.plan.reference_frame.place
         a, b = place(start).time, place(end).time
         return f"between t = {a:.6g} and {b:.6g}" if b > a else f"t = {a:.6g}"
-
-    def _last_words(self) -> None:
-        """Warns where given steps were too long, or too short for the kernel, and where the estimated error exceeds rtol."""
-        plan, scene = self.scheme.plan, self.scheme.plan.inner
-        rtol = plan.scene.accuracy.rtol
-        # The estimate is about f, where that is written; and what was warned of before says already what is too coarse.
-        if self.estimate.total > rtol and plan.scene.output.f is not False and not self.monitor.warned:
-            warnings.warn(
-                f"the estimated error, {self.estimate.total:.2g} of max f, exceeds accuracy.rtol = {rtol:g}; it is limited by "
-                f"{self.estimate.limited_by()}; refine that, lower accuracy.rtol, or certify the run",
-                stacklevel=2,
-            )
-        if plan.stepping != "extrapolated" or plan.law is None:
-            return
-        if plan.symmetric:
-            shortest = self.shortest / self.scheme.stepper.method.counts[-1]  # type: ignore[attr-defined]
-            choices.warn_of_an_unresolved_kernel(plan.scales, plan.grid, shortest, plan.drift_diffusion)
-        error = self.errors / float(np.abs(self.now.f).max())
-        if scene.grid.time_step is not None and error > scene.accuracy.rtol:
-            warnings.warn(
-                f"grid.time_step = {scene.grid.time_step:g}: the steps' errors may add up to {error:.2g} of max f "
-                f"(accuracy.rtol = {scene.accuracy.rtol:g}); reduce it, or leave it out",
-                stacklevel=2,
-            )
 
     def _report(self) -> Report:
         place = self.scheme.plan.reference_frame.place
