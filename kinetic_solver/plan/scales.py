@@ -25,9 +25,9 @@ TAIL = 40.0
 THIN = 10.0
 """How many times thinner than the densest a place may be before f must be more accurate than rtol for the sake of its mean
 velocity and temperature. tests/convergence/test_thin_places.py."""
-STEP_PRODUCTS_ARE_DENSE = 0.1
-"""Of rtol, below which f need not go for the sake of thin places beside a step under (12): what its products miss lies where f is
-large. At half of rtol u and θ erred by up to 0.95 rtol (ratio 1e-3, rtol 1e-4)."""
+PAIRS_ARE_DENSE = 0.1
+"""Of rtol, below which f need not go for the sake of thin places with (12): what its rate errs by lies where f is large. At half
+of rtol u and θ beside a step of ratio 1e-3 erred by up to 0.95 rtol (1e-4), at a tenth by 0.2."""
 HAFF_SHORT = 2.0
 """A cooling gas does not stay Maxwellian, and was seen up to so many times colder than Haff's law has it (docs/accuracy.md)."""
 KNOWN_STATES = (1e-6, 1e6)
@@ -107,14 +107,14 @@ class Scales:
     def stricter(self, rtol: float) -> float:
         """What f must meet for its mean velocity and temperature to meet rtol, where density is rtol of its largest or more."""
         of_f = THIN * max(rtol, self.thinnest) * rtol
-        return max(of_f, STEP_PRODUCTS_ARE_DENSE * rtol) if self.couples_a_step else of_f
+        return max(of_f, PAIRS_ARE_DENSE * rtol) if self.of_pairs else of_f
 
     def asked_for(self, of_f: float) -> float:
         """The least accuracy.rtol at which no more than this is asked of f."""
         if self.scene.output.moments is False:
             return of_f
         asked = min(of_f / THIN / max(self.thinnest, 1e-300), math.sqrt(of_f / THIN))
-        return max(of_f, min(asked, of_f / STEP_PRODUCTS_ARE_DENSE) if self.couples_a_step else asked)
+        return max(of_f, min(asked, of_f / PAIRS_ARE_DENSE) if self.of_pairs else asked)
 
     @property
     def means(self) -> tuple[float, float]:
@@ -137,9 +137,9 @@ class Scales:
         return self.law is not None and self.law.linearises
 
     @property
-    def couples_a_step(self) -> bool:
-        """True with a density step under (12), whose waves are multiplied with each other."""
-        return self.scene.initial.step is not None and self.law is not None and not self.amplifies
+    def of_pairs(self) -> bool:
+        """True where collisions multiply the waves of f with each other: with (12), and laws of one's own."""
+        return self.law is not None and not self.amplifies
 
     @property
     def amplification(self) -> float:
