@@ -144,7 +144,7 @@ def test_what_is_ignored_stays_ignored() -> None:
         signal.signal(signal.SIGHUP, before)
 
 
-@pytest.mark.parametrize("method", [name for name, method in METHODS.items() if method.resumes])
+@pytest.mark.parametrize("method", METHODS)
 def test_a_run_is_asked_from_outside(make_scene: Callable[..., Scene], tmp_path: Path, method: str) -> None:
     """For a checkpoint, and to stop: from wherever its progress is watched, here."""
     answers: list[str] = []

@@ -99,8 +99,6 @@ def test_an_existing_file_is_kept_unless_it_may_be_replaced(make_scene: MakeScen
     ("arguments", "message"),
     [
         ({"method": "guess"}, "method = 'guess': unknown; allowed: 'grid', 'exact', 'hydrodynamics', 'particles'"),
-        ({"method": "hydrodynamics", "resume": True}, "resume: method 'hydrodynamics' keeps no checkpoints, and starts afresh"),
-        ({"method": "hydrodynamics", "max_walltime": 3}, "max_walltime: method 'hydrodynamics' keeps no checkpoints"),
         ({"method": "particles", "max_walltime": -2.5}, "max_walltime = -2.5: allowed: 0 or more seconds"),
         ({"method": "particles", "max_walltime": float("nan")}, "max_walltime = nan: allowed: 0 or more seconds"),
         ({"method": "particles", "resume": True, "overwrite": True}, "resume, overwrite: both are given"),
@@ -197,7 +195,7 @@ def test_particles_that_cannot_go_on_keep_their_frames(make_scene: MakeScene, mo
     assert caught.value.dataset.attrs["stopped"] == "lost"
 
 
-@pytest.mark.parametrize("method", [name for name, method in METHODS.items() if method.resumes])
+@pytest.mark.parametrize("method", METHODS)
 def test_a_run_that_is_stopped_early_is_resumed(make_scene: MakeScene, tmp_path: Path, method: str) -> None:
     scene, path = make_scene(**SMALL), tmp_path / "a.nc"
     with pytest.raises(RunUnfinished, match="stopped at t = 0 after 0 s; resume it to go on"):
