@@ -129,7 +129,7 @@ def test_hermite_functions_are_not_chosen_where_there_are_too_few() -> None:
         "model": {"gravity": 2.6, "friction": 0.5, "noise": 0.6},
         "collisions": inelastic(0.3, 0.2),
         "pipe": {"length": 9.0},
-        "initial": {"modes": [{"mode": 1, "cos": 0.4}], "mean_velocity": 0.0},
+        "initial": {"modes": [{"mode": 1, "cos": 0.4}], "mean_velocity": 0.0, "temperature": 0.75},
         "run": {"end_time": 0.5},
         "accuracy": {"rtol": 1e-7},
     }
