@@ -70,8 +70,7 @@ def integrate(
 
     with one_blas_thread():
         for number, values in run.frames(after):
-            if due := plan.schedule.due[number]:
-                recorder.record(float(plan.schedule.times[number]), {group: values[group] for group in due})
+            recorder.record(float(plan.schedule.times[number]), {group: values[group] for group in plan.schedule.due[number]})
     if progress is not None:
         progress(end, end)
     return run.report()

@@ -69,11 +69,14 @@ def end(process: subprocess.Popen[str]) -> tuple[int, str]:
     return process.returncode, "\n".join(line for line in said.splitlines() if " s left" not in line)
 
 
-@pytest.mark.parametrize(("name", "code"), [("SIGTERM", 3), ("SIGINT", 130)])
-def test_a_signal_stops_a_run(tmp_path: Path, name: str, code: int) -> None:
+@pytest.mark.parametrize(
+    ("method", "name", "code"),
+    [("grid", "SIGTERM", 3), ("grid", "SIGINT", 130), ("hydrodynamics", "SIGHUP", 3), ("hydrodynamics", "SIGINT", 130)],
+)
+def test_a_signal_stops_a_run(tmp_path: Path, method: str, name: str, code: int) -> None:
     """After SIGUSR1, at which it wrote a checkpoint, said so, and went on."""
     (tmp_path / "scene.toml").write_text(SCENE)
-    command = [sys.executable, "-m", "kinetic_solver", "run", "scene.toml", "-o", "out.nc"]
+    command = [sys.executable, "-m", "kinetic_solver", "run", "scene.toml", "-o", "out.nc", "--method", method]
     with subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         try:
             assert process.stderr is not None

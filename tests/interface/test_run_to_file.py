@@ -80,6 +80,18 @@ def test_what_is_said_of_a_run(make_scene: MakeScene, tmp_path: Path) -> None:
     assert said["particles"][0].startswith("400 particles, ")
 
 
+@pytest.mark.parametrize("method", [name for name in METHODS if name != "particles"])
+def test_a_run_of_which_nothing_is_wanted_comes_to_its_end(make_scene: MakeScene, tmp_path: Path, method: str) -> None:
+    """Stopped and resumed, too: its file has no frames, and says that it has finished. (The particles refuse it.)"""
+    scene = make_scene(**SMALL, output=dict.fromkeys(("f", "moments", "scalars", "budgets"), False))
+    with pytest.raises(RunUnfinished):
+        run_to_file(scene, tmp_path / "a.nc", method, max_walltime=0)
+    run_to_file(scene, tmp_path / "a.nc", method, resume=True)
+    with open_run(tmp_path / "a.nc") as found:
+        assert int(found["status"]) == 1
+        assert "time" not in found.sizes
+
+
 # -- refusals: SceneErrors of one line, which leave what is there
 
 
