@@ -31,7 +31,8 @@ import xarray as xr
 
 from kinetic_solver.analysis.info import summary
 from kinetic_solver.dataset import Checkpoint, NetCDFRecorder, open_run
-from kinetic_solver.methods import METHODS, run_to_file
+from kinetic_solver.hydrodynamics import FrameStore
+from kinetic_solver.methods import run_to_file
 from kinetic_solver.methods.interruption import Keeper
 from kinetic_solver.scene import Scene
 
@@ -46,6 +47,7 @@ SCENE: dict[str, Any] = {
     "particles": {"count": 1000, "replicas": 2, "seed": 3},
 }
 SCENES: dict[str, dict[str, Any]] = {
+    "exact": SCENE,
     # On a grid that shrinks, with steps between judgements
     "grid": {
         **SCENE,
@@ -53,19 +55,23 @@ SCENES: dict[str, dict[str, Any]] = {
         "initial": {"density": 0.8, "modes": [{"mode": 1, "cos": 0.1}], "mean_velocity": -0.4, "temperature": 8.0},
         "grid": {"nx": 9},
     },
-    "exact": SCENE,
     "particles": SCENE,
+    # Three passes
+    "hydrodynamics": {**SCENE, "accuracy": {"rtol": 1e-7}},
+    "hierarchy": {**SCENE, "hydrodynamics": {"moments": 40}, "accuracy": {"rtol": 1e-10}},
 }
+"""By method; the Hermite hierarchy of method hydrodynamics stands beside its closure."""
 PLACES: dict[str, tuple[type, str]] = {
     "a step": (Keeper, "look"),
     "a write": (NetCDFRecorder, "record"),
+    "keeping a frame": (FrameStore, "append"),
     "a checkpoint": (Checkpoint, "save"),
     "a rename": (Path, "replace"),
     "closing": (NetCDFRecorder, "close"),
     "opening again": (NetCDFRecorder, "_reopen"),
     "the end": (Keeper, "finish"),
 }
-"""Where a run is killed: at a random moment of a random call, or shortly after."""
+"""Where a run is killed, if it comes there: at a random moment of a random call, or shortly after."""
 RANDOM = "a random moment"
 MOST_KILLS = 3
 """Of one trial."""
@@ -74,8 +80,8 @@ MOST_KILLS = 3
 class Reference:
     """A run that was never stopped: its file, how long it took, and how often and how long it was in each place."""
 
-    def __init__(self, method: str, folder: Path) -> None:
-        self.method, self.path = method, folder / f"{method}.nc"
+    def __init__(self, name: str, folder: Path) -> None:
+        self.name, self.path = name, folder / f"{name}.nc"
         code, said = in_a_child(lambda tell: self._measure(tell))
         assert code == 0, said
         self.seconds, self.calls = json.loads(said)
@@ -87,7 +93,7 @@ class Reference:
         for place, (owner, name) in PLACES.items():
             setattr(owner, name, _timed(getattr(owner, name), calls[place]))
         began = time.monotonic()
-        run_to_file(scene_of(self.method), self.path, self.method, overwrite=True)
+        run_to_file(scene_of(self.name), self.path, method_of(self.name), overwrite=True)
         tell(json.dumps([time.monotonic() - began, calls]))
 
 
@@ -102,8 +108,12 @@ def _timed(function: Callable[..., Any], durations: list[float]) -> Callable[...
     return timed
 
 
-def scene_of(method: str) -> Scene:
-    return Scene.model_validate(SCENES[method])
+def scene_of(name: str) -> Scene:
+    return Scene.model_validate(SCENES[name])
+
+
+def method_of(name: str) -> str:
+    return "hydrodynamics" if name == "hierarchy" else name
 
 
 def in_a_child(work: Callable[[Callable[[str], None]], None], delay: float | None = None) -> tuple[int, str]:
@@ -134,11 +144,11 @@ def in_a_child(work: Callable[[Callable[[str], None]], None], delay: float | Non
     return os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]), told.decode()
 
 
-def run(method: str, path: Path, place: str, call: int, after: float, tell: Callable[[str], None]) -> None:
+def run(name: str, path: Path, place: str, call: int, after: float, tell: Callable[[str], None]) -> None:
     """Go on, say "." after each frame that was synced, and be killed so many seconds into this call of the place."""
     if place in PLACES:
-        owner, name = PLACES[place]
-        function, count = getattr(owner, name), [0]
+        owner, attribute = PLACES[place]
+        function, count = getattr(owner, attribute), [0]
 
         def trapped(*arguments: Any, **options: Any) -> Any:
             count[0] += 1
@@ -146,7 +156,7 @@ def run(method: str, path: Path, place: str, call: int, after: float, tell: Call
                 signal.setitimer(signal.ITIMER_REAL, max(after, 1e-6))  # SIGALRM, which nobody handles, is as sudden as SIGKILL
             return function(*arguments, **options)
 
-        setattr(owner, name, trapped)
+        setattr(owner, attribute, trapped)
     record = NetCDFRecorder.record
 
     def told(*arguments: Any) -> None:
@@ -154,7 +164,7 @@ def run(method: str, path: Path, place: str, call: int, after: float, tell: Call
         tell(".")
 
     NetCDFRecorder.record = told  # type: ignore[method-assign]
-    run_to_file(scene_of(method), path, method, resume=True)
+    run_to_file(scene_of(name), path, method_of(name), resume=True)
 
 
 def whole_frames(path: Path, reference: Reference) -> int:
@@ -182,8 +192,8 @@ def whole_frames(path: Path, reference: Reference) -> int:
 
 def trial(number: int, reference: Reference, folder: Path) -> dict[str, Any]:
     """What the trial of this number found. Two of three are at random moments, the third in a place."""
-    drawn = random.Random(f"{reference.method} {number}")
-    path = folder / f"{reference.method}-{number}.nc"
+    drawn = random.Random(f"{reference.name} {number}")
+    path = folder / f"{reference.name}-{number}.nc"
     kills: list[str] = []
     synced = 0
     for _ in range(drawn.randint(1, MOST_KILLS)):
@@ -194,14 +204,14 @@ def trial(number: int, reference: Reference, folder: Path) -> dict[str, Any]:
         else:
             calls = reference.calls[place] or [0.005]
             call, after = drawn.randint(1, 1 + len(calls) // MOST_KILLS), drawn.uniform(0, 1.5 * max(calls))
-        code, told = in_a_child(lambda tell, p=place, c=call, a=after: run(reference.method, path, p, c, a, tell), delay)  # type: ignore[misc]
+        code, told = in_a_child(lambda tell, p=place, c=call, a=after: run(reference.name, path, p, c, a, tell), delay)  # type: ignore[misc]
         assert code in (0, -signal.SIGKILL, -signal.SIGALRM), told
         if code:
             kills.append(place)
         if path.exists():
             synced = whole_frames(path, reference)
         assert synced >= max(before, told.count(".")), f"{synced} frames, {before} and then {told.count('.')} were synced"
-    code, told = in_a_child(lambda tell: run(reference.method, path, "", 0, 0.0, tell))
+    code, told = in_a_child(lambda tell: run(reference.name, path, "", 0, 0.0, tell))
     assert code == 0, told
     assert whole_frames(path, reference) == reference.data.sizes["time"]
     left = sorted(other.name for other in folder.glob(f"{path.name}*"))
@@ -210,13 +220,13 @@ def trial(number: int, reference: Reference, folder: Path) -> dict[str, Any]:
     return {"kills": kills}
 
 
-def trials(method: str, count: int, folder: Path) -> list[dict[str, Any]]:
+def trials(name: str, count: int, folder: Path) -> list[dict[str, Any]]:
     """Those that were done before, and the others up to `count`."""
-    log = folder / f"{method}.jsonl"
+    log = folder / f"{name}.jsonl"
     known = [json.loads(line) for line in log.read_text().splitlines()] if log.exists() else []
     if len(known) >= count:
         return known
-    reference = Reference(method, folder)
+    reference = Reference(name, folder)
     for number in range(len(known), count):
         try:
             found = trial(number, reference, folder)
@@ -232,18 +242,18 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--count", type=int, default=150, help="trials of each method")
     parser.add_argument("--folder", type=Path, help="where what was found is kept; default: a temporary one")
-    parser.add_argument("--method", choices=METHODS, action="append", help="default: all")
+    parser.add_argument("--method", choices=SCENES, action="append", help="default: all")
     given = parser.parse_args()
     failed = 0
     with tempfile.TemporaryDirectory() as temporary:
         folder = given.folder or Path(temporary)
         folder.mkdir(parents=True, exist_ok=True)
-        for method in given.method or METHODS:
-            found = trials(method, given.count, folder)
+        for name in given.method or SCENES:
+            found = trials(name, given.count, folder)
             counts = collections.Counter(place for one in found for place in one["kills"])
             bad = [one for one in found if "failed" in one]
             failed += len(bad)
-            print(f"{method:<10} {len(found)} trials, {counts.total()} kills, {len(bad)} failed", flush=True)
+            print(f"{name:<13} {len(found)} trials, {counts.total()} kills, {len(bad)} failed", flush=True)
             for place, n in sorted(counts.items()):
                 print(f"           {n:4d} in {place}")
             for one in bad:

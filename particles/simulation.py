@@ -60,6 +60,8 @@ class Simulation:
         """Largest share of the particles outside the velocity window, at the frames so far."""
         self.done = (0, 0)
         """Of the interval that begins at `time`: replicas that are done, and steps of the next one."""
+        self._interval = (0.0, 1)
+        """Its length, and its steps."""
         self._keys = [key(scene.particles.seed, replica) for replica in range(scene.particles.replicas)]
         self.weight = plan.weight
         start = self._start() if state is None else zip(state["x"].copy(), state["v"].copy(), strict=True)
@@ -121,6 +123,7 @@ class Simulation:
         scene, interval = self.plan.scene, time - self.time
         if interval <= 0:
             return
+        self._interval = (interval, 1 if self.plan.law is None else self._steps(interval))
         with threads_for(scene.particles.count):
             if self.plan.law is None:
                 self._fly(interval, after_step)
@@ -129,6 +132,12 @@ class Simulation:
             else:
                 self._collide_to(interval, after_step)
         self.time, self.done = time, (0, 0)
+
+    @property
+    def reached(self) -> float:
+        """The time that replicas have come to in the mean: `time` is that of the last frame."""
+        (replicas, steps), (interval, of) = self.done, self._interval
+        return self.time + interval * (replicas + steps / of) / len(self._keys)
 
     def _fly(self, interval: float, after_step: AfterStep) -> None:
         whole = LangevinStep.over(self.plan.scene.model, interval)
@@ -142,7 +151,7 @@ class Simulation:
         return math.ceil(interval / self.plan.time_step * (1 - 1e-12))
 
     def _overtake_to(self, interval: float, after_step: AfterStep) -> None:
-        steps = self._steps(interval)
+        steps = self._interval[1]
         at_once = max(1, SINGLE_FILE_STEPS // self.plan.scene.particles.count)
         for replica in range(self.done[0], len(self.files)):
             file, k = self.files[replica], self._keys[replica]
@@ -157,7 +166,7 @@ class Simulation:
 
     def _collide_to(self, interval: float, after_step: AfterStep) -> None:
         scene, plan = self.plan.scene, self.plan
-        steps = self._steps(interval)
+        steps = self._interval[1]
         h = interval / steps
         half, whole = LangevinStep.over(scene.model, h / 2), LangevinStep.over(scene.model, h)
         law = _needed(plan)

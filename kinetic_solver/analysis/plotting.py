@@ -14,6 +14,7 @@ from kinetic_solver.arrays import Array
 from kinetic_solver.dataset import scene_of
 from kinetic_solver.errors import SceneError
 from kinetic_solver.scene import INELASTIC, Scene
+from kinetic_solver.scene.cadence import SAME_TIME
 from kinetic_solver.stability.homogeneous import homogeneous_state
 
 if TYPE_CHECKING:
@@ -69,11 +70,16 @@ def _title(scene: Scene) -> str:
 
 
 def _frames(dataset: xr.Dataset, name: str, times: Sequence[float] | None, count: int = 4) -> list[int]:
-    """Indices of the frames nearest to `times`; by default `count` of them, between which the field changes equally."""
+    """Indices of the frames nearest to `times`; by default `count` of them, between which the field changes equally.
+
+    Raises SceneError for a time beyond the frames."""
     t = _times(dataset, name)
     if not t.size:
         raise SceneError("the file has no frame yet")
     if times is not None:
+        for time in times:
+            if not t[0] <= time <= t[-1] * (1 + SAME_TIME):
+                raise SceneError(f"time {time:g}: is beyond the frames of the file; allowed: {t[0]:g} to {t[-1]:g}")
         return sorted({int(np.abs(t - time).argmin()) for time in times})[:count]
     values = dataset[name].values[: t.size].reshape(t.size, -1)
     change = np.abs(np.diff(values, axis=0)).sum(axis=1)

@@ -31,9 +31,7 @@ def run(
         float | None, typer.Option(metavar="S", help="Stop after S seconds with a checkpoint, to be resumed; exit code 3.")
     ] = None,
 ) -> None:
-    """Solve a scene and write a netCDF file. SIGTERM and Ctrl-C stop it with a checkpoint, SIGUSR1 writes one.
-
-    Method hydrodynamics keeps no checkpoints."""
+    """Solve a scene and write a netCDF file. SIGTERM and Ctrl-C stop it with a checkpoint, SIGUSR1 writes one."""
     with exit_codes():
         from kinetic_solver.cli.signals import listening
         from kinetic_solver.errors import SceneError

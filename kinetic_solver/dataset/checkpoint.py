@@ -44,6 +44,8 @@ class Checkpoint:
         """`types` are the dataclasses that states hold. `notes` say what the run is of beside its scene: a law, a start."""
         self.path = target.with_name(target.name + ".checkpoint")
         self.previous = target.with_name(target.name + ".checkpoint.previous")
+        self.scratch = target.with_name(target.name + ".frames")
+        """Where a method keeps what checkpoints speak of and are too small for."""
         self._target, self._scene, self._method, self._notes = target, scene, method, dict(notes or {})
         self._types = {kind.__name__: kind for kind in types}
 
@@ -116,7 +118,7 @@ class Checkpoint:
             raise SceneError(f"{self._target}: has lost what was written before the checkpoint; allowed: to overwrite it")
 
     def remove(self) -> None:
-        for path in (self.path, self.previous):
+        for path in (self.path, self.previous, self.scratch):
             path.unlink(missing_ok=True)
 
 

@@ -26,6 +26,8 @@ def open_netcdf(path: str | Path, source: str | None = None) -> xr.Dataset:
     """A netCDF file, read lazily. Raises SceneError, which begins with `source` (the path), where there is none."""
     import xarray as xr
 
+    if not Path(path).exists():
+        raise SceneError(f"{source or path}: there is no such file")
     try:
         return xr.open_dataset(path)
     except (OSError, ValueError):

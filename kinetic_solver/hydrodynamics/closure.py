@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from kinetic_solver.arrays import Array
-from kinetic_solver.errors import SolverStopped
 from kinetic_solver.hydrodynamics.budgets import budget, sample
 from kinetic_solver.hydrodynamics.gas import Gas
 from kinetic_solver.hydrodynamics.lawson import ClosureSteps
@@ -17,42 +17,53 @@ from kinetic_solver.scene import Scene
 
 
 @dataclass(frozen=True)
-class Frames:
-    """What a run has at the times of its schedule, as far as it came."""
+class Frame:
+    """What a pass has at one time."""
 
     fields: Array
-    """ρ, u, θ and the heat flux at the points: shape (frames, 4, nx)."""
+    """ρ, u and θ at the points, shape (3, nx)."""
     totals: Array
-    """∫ρ, ∫ρu and ∫½ρ(u² + θ): shape (frames, 3)."""
-    budgets: list[dict[str, float]] | None = None
-    """The group `budgets`; None of M moments."""
-    stopped: str | None = None
-    """Why it came no further."""
-    work: int = 0
-    """Points times steps."""
+    """∫ρ, ∫ρu and ∫½ρ(u² + θ)."""
+    budget: Mapping[str, float]
+    """The group `budgets`."""
 
 
-def run_closure(
-    scene: Scene, times: Array, nx: int, longest: float, refined: float = 1.0, watch: Callable[[float], None] | None = None
-) -> Frames:
-    """At nx points, with the steps of `ClosureSteps`. Mass is conserved to rounding."""
-    dx = scene.pipe.length / nx
-    steps = ClosureSteps(Gas.of(scene), dx, longest, refined)
-    state = conserved(*start_fields(scene, dx * np.arange(nx)))
-    states, budgets, now, stopped = [], [], 0.0, None
-    for time in times.tolist():
-        if time > now:
-            try:
-                state, now = steps.advance(state, now, time, watch), time
-            except SolverStopped as stop:
-                stopped = str(stop)
-                break
-        states.append(state)
-        at = sample(steps.gas, state, dx, 0.0)
-        start, here = (each.sum(axis=1) * dx for each in (states[0], state))
-        budgets.append(budget(scene.model, time, start, here, at, steps.integral))
-    fields = np.array([[*primitive(state), np.zeros(nx)] for state in states])
-    return Frames(fields, np.array(states).sum(axis=2) * dx, budgets, stopped, nx * steps.steps)
+class ClosurePass:
+    """From a scene's start on, at nx points, with the steps of `ClosureSteps`. Mass is conserved to rounding."""
+
+    def __init__(self, scene: Scene, nx: int, longest: float, refined: float = 1.0) -> None:
+        self.scene, self.dx = scene, scene.pipe.length / nx
+        self.steps = ClosureSteps(Gas.of(scene), self.dx, longest, refined)
+        self.conserved = conserved(*start_fields(scene, self.dx * np.arange(nx)))
+        self.start = self._totals()
+
+    @property
+    def work(self) -> int:
+        """Points times steps so far."""
+        return self.conserved.shape[1] * self.steps.steps
+
+    def advance(self, start: float, end: float, after_step: Callable[[], None] = lambda: None) -> None:
+        """As `ClosureSteps.advance`."""
+        self.conserved = self.steps.advance(self.conserved, start, end, after_step)
+
+    def frame(self, time: float) -> Frame:
+        """Of now, which is this time."""
+        at = sample(self.steps.gas, self.conserved, self.dx, 0.0)
+        totals = self._totals()
+        found = budget(self.scene.model, time, self.start, totals, at, self.steps.integral)
+        return Frame(primitive(self.conserved), totals, found)
+
+    def _totals(self) -> Array:
+        return self.conserved.sum(axis=1) * self.dx
+
+    def state(self) -> dict[str, Any] | None:
+        """A tree from which a new pass of the same arguments goes on; None where the next step will find the fields lost."""
+        steps = self.steps.state()
+        return None if steps is None else {"conserved": self.conserved, "steps": steps}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        self.conserved = state["conserved"]
+        self.steps.restore(state["steps"])
 
 
 def conserved(rho: Array, u: Array, theta: Array) -> Array:

@@ -7,7 +7,8 @@ combinations of Euler steps of length 4h/3. Order and positivity: tests/hydrodyn
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
 
@@ -39,20 +40,24 @@ class ClosureSteps:
         self.steps = 0
         self.integral = np.zeros(4)
         """Of `budgets.sample` over all steps so far."""
+        self.within: tuple[Array, float] | None = None
+        """(state in the frame, time) after a step that is not the last of `advance`."""
         self._bound = math.inf
         self._coefficients = (gas.drag, gas.usual_drag, gas.cooling, gas.usual_cooling)
 
-    def advance(self, state: Array, start: float, end: float, watch: Callable[[float], None] | None = None) -> Array:
+    def advance(self, state: Array, start: float, end: float, after_step: Callable[[], None] = lambda: None) -> Array:
         """The state at `end`. The frame's velocity is chosen so that it moves by whole cells; the result is in the laboratory.
 
+        `after_step` is called after every step, and may raise: with `restore` the same call goes on from there.
         Raises SolverStopped where the state is lost.
         """
         # Seen from where the gas is at rest on average, or nearly: from a frame that moves by whole cells
         drift = self.gas.drift(float(state[1].sum() / state[0].sum()), end - start)
         cells = round(drift / self.dx)
         frame = cells * self.dx / (end - start)
-        moved, now = _boosted(state, -frame), start
-        if start == 0:
+        resumed = self.within is not None
+        moved, now = self.within or (_boosted(state, -frame), start)
+        if start == 0 and not resumed:
             self._bound = RUNAWAY * max(self._fastest(moved, now)[0], math.sqrt(3 * self.gas.noise))
         while now < end:
             speed, rate = self._fastest(moved, now)
@@ -72,10 +77,21 @@ class ClosureSteps:
             now = end if count == 1 else now + (end - now) / count
             self.steps += 1
             self.integral = self.integral + brought
-            if watch is not None:
-                watch(now)
+            self.within = (moved, now)
+            after_step()
+        self.within = None
         self._fastest(moved, end)
         return np.roll(_boosted(moved, frame), cells, axis=1)
+
+    def state(self) -> dict[str, Any] | None:
+        """A tree of what `advance` goes on from; None where the state is lost, as the next step will find."""
+        if self.within is not None and not math.isfinite(fastest(self.within[0], *self._coefficients)[0]):
+            return None
+        return {"within": self.within, "steps": self.steps, "integral": self.integral, "bound": self._bound}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        self.within, self.steps, self.integral = state["within"], state["steps"], state["integral"]
+        self._bound = state["bound"]
 
     def _step(self, state: Array, h: float, frame: float, now: float) -> tuple[Array, Array]:
         """(the state, the integral of its sample) after a step."""

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from kinetic_solver.dataset import VARIABLES, MemoryRecorder, Recorder, Variables, recording
-from kinetic_solver.errors import SolverStopped
+from kinetic_solver.dataset import MemoryRecorder, Recorder, recording
+from kinetic_solver.hydrodynamics.frame_store import FrameStore
 from kinetic_solver.hydrodynamics.plan import Plan, make_plan
-from kinetic_solver.hydrodynamics.refinement import refined_run
+from kinetic_solver.hydrodynamics.records import variables
+from kinetic_solver.hydrodynamics.refinement import RefinedRun
 from kinetic_solver.hydrodynamics.spectral import SpectralRun
 from kinetic_solver.scene import Scene
 from kinetic_solver.threads import one_blas_thread
@@ -18,21 +19,10 @@ if TYPE_CHECKING:
 
 Progress = Callable[[float, float], None]
 """Called as progress(time, end time)."""
+Run = RefinedRun | SpectralRun
+AfterStep = Callable[[Run], None]
 Report = dict[str, Any]
 """Attributes of the dataset."""
-
-_FIELDS = ("density", "mean_velocity", "temperature", "heat_flux")
-_TOTALS = ("mass", "momentum", "energy")
-_VARIABLES: Variables = {
-    "moments": {name: VARIABLES["moments"][name] for name in _FIELDS},
-    "scalars": {name: VARIABLES["scalars"][name] for name in _TOTALS},
-    "budgets": VARIABLES["budgets"],
-}
-
-
-def variables(plan: Plan) -> Variables:
-    """What a recorder of the plan's frames is to expect."""
-    return {group: _VARIABLES[group] for group in plan.groups}
 
 
 def solve(scene: Scene, progress: Progress | None = None) -> xr.Dataset:
@@ -52,22 +42,35 @@ def solve(scene: Scene, progress: Progress | None = None) -> xr.Dataset:
     return recorder.dataset().drop_dims("v")
 
 
-def integrate(plan: Plan, recorder: Recorder, progress: Progress | None = None) -> Report:
-    """Hand each frame to `recorder`; the closure's come when its last refinement is accepted."""
+def integrate(
+    plan: Plan,
+    recorder: Recorder,
+    progress: Progress | None = None,
+    after_step: AfterStep = lambda run: None,
+    state: Any | None = None,
+    store: FrameStore | None = None,
+) -> Report:
+    """Hand each frame to `recorder`, or from `state` on those that follow; the closure's, but for the start, when its last
+    refinement is accepted. Until then they are in `store`, by default in memory.
+
+    `after_step` is called after every step and every frame but the last, and may raise: `run.snapshot()` is a state to go on
+    from.
+    Raises SolverStopped where the run cannot go on, its frames recorded.
+    """
+    run = SpectralRun(plan) if plan.moments is not None else RefinedRun(plan, store or FrameStore())
+    if state is not None:
+        run.restore(state)
     end = plan.scene.run.end_time
-    watch = None if progress is None else lambda time: progress(time, end)
+
+    def after(run: Run) -> None:
+        # Where a pass may follow its end is not the run's.
+        if progress is not None and 0 < run.time < end:
+            progress(run.time, end)
+        after_step(run)
+
     with one_blas_thread():
-        frames, report = refined_run(plan, watch) if plan.moments is None else SpectralRun(plan, watch).frames()
-        budgets = frames.budgets or [{}] * len(frames.fields)
-        rows = zip(plan.schedule.times.tolist(), plan.schedule.due, frames.fields, frames.totals, budgets, strict=False)
-        for time, due, field, total, budget in rows:
-            values = {
-                "moments": dict(zip(_FIELDS, field, strict=True)),
-                "scalars": dict(zip(_TOTALS, total.tolist(), strict=True)),
-                "budgets": budget,
-            }
-            if due:
-                recorder.record(time, {group: values[group] for group in due})
-    if frames.stopped is not None:
-        raise SolverStopped(frames.stopped)
-    return report
+        for number, values in run.frames(after):
+            recorder.record(float(plan.schedule.times[number]), {group: values[group] for group in plan.schedule.due[number]})
+    if progress is not None:
+        progress(end, end)
+    return run.report()

@@ -7,14 +7,15 @@ frames, so that few matrix exponentials are needed."""
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
 
 import numpy as np
 
 from kinetic_solver.errors import SolverStopped
-from kinetic_solver.hydrodynamics.closure import Frames
 from kinetic_solver.hydrodynamics.hierarchy import Hierarchy
 from kinetic_solver.hydrodynamics.plan import Plan
+from kinetic_solver.hydrodynamics.records import Values, values
 from kinetic_solver.stability.units import Complex
 
 SHARE = 0.02
@@ -35,10 +36,14 @@ RUNAWAY = 1e3
 class SpectralRun:
     """M moments of a plan's scene, from 0 to the end."""
 
-    def __init__(self, plan: Plan, watch: Callable[[float], None] | None = None) -> None:
+    def __init__(self, plan: Plan) -> None:
         assert plan.moments is not None
         self.plan, self.hierarchy = plan, Hierarchy(plan.scene, plan.moments)
-        self._watch = watch
+        self.time = 0.0
+        self.recorded = 0
+        """Frames that were handed on."""
+        self._within: tuple[int, int] | None = None
+        """(level, done) of `_advance` in the interval after the last of them."""
         self._most = min(MOST_WAVES, MOST_NUMBERS // plan.moments**2)
         self._given = plan.scene.grid.nx
         self._density, self._rtol = plan.scene.initial.density, plan.scene.accuracy.rtol
@@ -56,27 +61,46 @@ class SpectralRun:
             self.state = state
         self._generator = self.hierarchy.generator(self.state.shape[0] - 1)
 
-    def frames(self) -> tuple[Frames, dict[str, str | float]]:
-        """As far as the run came, and what it says of itself."""
-        nx, times = self.plan.output.nx, self.plan.schedule.times.tolist()
-        fields, totals, stopped = [], [], None
-        for start, time in zip([0.0, *times], times, strict=False):
-            try:
-                if time > start:
-                    self._advance(start, time)
-            except SolverStopped as stop:
-                stopped = str(stop)
-                break
-            fields.append(self.hierarchy.fields(self.state, nx))
-            totals.append(self.hierarchy.totals(self.state))
-        said: dict[str, str | float] = {"moments": str(self.plan.moments), "waves": str(self.state.shape[0] - 1)}
-        return Frames(np.array(fields), np.array(totals), stopped=stopped), said | {"spectral_tail": self._tail(self.state)}
+    def frames(self, after_step: Callable[[SpectralRun], None] = lambda run: None) -> Iterator[tuple[int, Values]]:
+        """(number, values) of the frames that are not recorded yet.
 
-    def _advance(self, start: float, end: float) -> None:
+        `after_step` is called after every step and every frame but the last, and may raise. Raises SolverStopped where waves grow
+        beyond what can be resolved."""
+        times = self.plan.schedule.times.tolist()
+        for number in range(self.recorded, len(times)):
+            if number > 0:
+                self._advance(times[number - 1], times[number], after_step)
+            self.time = times[number]
+            yield number, values(self.hierarchy.fields(self.state, self.plan.output.nx), self.hierarchy.totals(self.state))
+            self.recorded, self._within = number + 1, None
+            if self.recorded < len(times):
+                after_step(self)
+
+    def report(self) -> dict[str, Any]:
+        """Attributes of the run that is over."""
+        waves = str(self.state.shape[0] - 1)
+        return {"moments": str(self.plan.moments), "waves": waves, "spectral_tail": self._tail(self.state)}
+
+    def snapshot(self) -> dict[str, Any]:
+        """A tree from which a new run of the same plan goes on."""
+        return {
+            "recorded": self.recorded,
+            "time": self.time,
+            "state": self.state,
+            "last": self._last,
+            "within": self._within,
+        }
+
+    def restore(self, snapshot: Mapping[str, Any]) -> None:
+        self.recorded, self.time = snapshot["recorded"], snapshot["time"]
+        self.state, self._last, self._within = snapshot["state"], snapshot["last"], snapshot["within"]
+        self._generator = self.hierarchy.generator(self.state.shape[0] - 1)
+
+    def _advance(self, start: float, end: float, after_step: Callable[[SpectralRun], None]) -> None:
         """In binary fractions of the interval: `done` of 2^level of them are behind."""
         given = self.plan.scene.grid.time_step
         least = 0 if given is None else max(0, math.ceil(math.log2((end - start) / given) - 1e-9))
-        level, done = max(least, round(math.log2((end - start) / self._last))), 0
+        level, done = self._within or (max(least, round(math.log2((end - start) / self._last))), 0)
         while done < 2**level:
             h = (end - start) / 2**level
             new, error = self._attempt(h)
@@ -89,13 +113,13 @@ class SpectralRun:
             done += 1
             self.state = new
             self._last = h
-            now = start + (end - start) * done / 2**level
-            self._check(now)
-            if self._watch is not None:
-                self._watch(now)
+            self.time = start + (end - start) * done / 2**level
+            self._check(self.time)
             # Two steps make one of twice the length, order 4 before the extrapolation
             if level > least and done % 2 == 0 and error < allowed / 64:
                 level, done = level - 1, done // 2
+            self._within = (level, done)
+            after_step(self)
 
     def _attempt(self, h: float) -> tuple[Complex, float]:
         with np.errstate(over="ignore", invalid="ignore"):

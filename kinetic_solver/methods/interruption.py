@@ -24,7 +24,7 @@ class Interruption:
     keep: bool = False
     """Whether it is to write a checkpoint and go on."""
     answer: Callable[[str], None] = lambda text: None
-    """Is told, in a line, of a checkpoint that was asked for."""
+    """Is told, in a line, of a checkpoint that was asked for, and of a resumed run that finds none."""
     heeded: bool = False
     """True while a run looks here: from its first step to its last."""
 

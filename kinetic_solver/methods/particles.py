@@ -33,7 +33,7 @@ def run(job: Job) -> list[str]:
         warnings.warn(said["warning"], stacklevel=4)
 
     def after_step(simulation: Simulation) -> None:
-        keeper.look(simulation.time, simulation.state)
+        keeper.look(simulation.reached, simulation.state)
 
     with recording(recorder):
         done = simulate(plan, recorder, job.progress, after_step, state)

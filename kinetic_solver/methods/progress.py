@@ -41,16 +41,21 @@ def _bar() -> Iterator[Progress]:
 
 
 def _lines() -> Progress:
-    """A line at most every `SECONDS_BETWEEN_LINES`, and one at the end."""
+    """A line at most every `SECONDS_BETWEEN_LINES`, and one at the end. A run that goes back, to be refined, says "again"."""
     began = spoken = monotonic()
+    since = last = 0.0
+    again = ""
 
     def line(time: float, end: float) -> None:
-        nonlocal spoken
+        nonlocal began, spoken, since, last, again
         now = monotonic()
+        if time < last:
+            began, since, again = now, time, " again"
+        last = time
         if now - spoken >= SECONDS_BETWEEN_LINES or time == end:
             spoken = now
-            left = (now - began) / time * (end - time)
+            left = (now - began) / (time - since) * (end - time) if time > since else 0.0
             with suppress(OSError):  # nobody reads any more: no reason to stop a run
-                print(f"t = {time:.6g} of {end:g}, {left:.0f} s left", file=sys.stderr)
+                print(f"t = {time:.6g} of {end:g}{again}, {left:.0f} s left", file=sys.stderr)
 
     return line

@@ -24,8 +24,6 @@ class Method:
     """Writes the file and returns `Written.lines`."""
     starts: bool = True
     """Whether it can start from an f(x, v) of the user's own."""
-    resumes: bool = True
-    """Whether it keeps checkpoints: `resume` and `max_walltime` are for those alone."""
 
 
 def run_to_file(
@@ -74,10 +72,6 @@ def _check(scene: Scene, path: Path, method: str, overwrite: bool, resume: bool,
     check_is_scene(scene)
     if method not in METHODS:
         raise SceneError(f"method = {method!r}: unknown; allowed: {', '.join(map(repr, METHODS))}")
-    if (resume or max_walltime is not None) and not METHODS[method].resumes:
-        able = ", ".join(repr(name) for name, known in METHODS.items() if known.resumes)
-        asked = "resume" if resume else "max_walltime"
-        raise SceneError(f"{asked}: method {method!r} keeps no checkpoints, and starts afresh; allowed: with method {able}")
     if max_walltime is not None and not max_walltime >= 0:
         raise SceneError(f"max_walltime = {max_walltime:g}: allowed: 0 or more seconds")
     if resume and overwrite:
@@ -114,6 +108,6 @@ def _particles(job: Job) -> list[str]:
 METHODS = {
     "grid": Method(_grid),
     "exact": Method(_exact, starts=False),
-    "hydrodynamics": Method(_hydrodynamics, starts=False, resumes=False),
+    "hydrodynamics": Method(_hydrodynamics, starts=False),
     "particles": Method(_particles),
 }

@@ -30,8 +30,6 @@ class Writer:
     def write(self, frame: int, seen: Observation, diagnostics: dict[str, float], shown: Array | None = None) -> None:
         """The frame of this number. `shown`, f on the output's grid, stands for what is seen in the fields."""
         due = self.schedule.due[frame]
-        if not due:
-            return
         place = seen.plan.reference_frame.place(seen.clock)
         convert = ToOutput(seen.grid, self.output)
         in_lab = shown

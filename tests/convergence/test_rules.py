@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from kinetic_solver import Scene, exact, solve
+from kinetic_solver import Scene, SceneError, exact, solve
 from kinetic_solver.plan import make_plan
 from kinetic_solver.plan.in_x import fast_odd
 from kinetic_solver.plan.measured import DEPOSIT_ERROR
@@ -121,3 +121,18 @@ def test_every_choice_gives_its_reason() -> None:
 @pytest.mark.parametrize(("n", "expected"), [(1, 1), (2, 3), (4, 5), (11, 15), (63, 63), (64, 75), (106, 125)])
 def test_fast_odd_sizes(n: int, expected: int) -> None:
     assert fast_odd(n) == expected
+
+
+def test_hermite_functions_are_not_chosen_where_there_are_too_few() -> None:
+    """(12) at a strict tolerance, begun seven thermal velocities from the homogeneous state: refused only where asked for."""
+    tables: dict[str, Any] = {
+        "model": {"gravity": 2.6, "friction": 0.5, "noise": 0.6},
+        "collisions": inelastic(0.3, 0.2),
+        "pipe": {"length": 9.0},
+        "initial": {"modes": [{"mode": 1, "cos": 0.4}], "mean_velocity": 0.0, "temperature": 0.75},
+        "run": {"end_time": 0.5},
+        "accuracy": {"rtol": 1e-7},
+    }
+    assert make_plan(Scene.model_validate(tables)).velocity == "points"
+    with pytest.raises(SceneError, match="need more than 240 functions"):
+        make_plan(Scene.model_validate({**tables, "grid": {"velocity": "hermite"}}))

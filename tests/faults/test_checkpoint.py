@@ -20,7 +20,7 @@ from kinetic_solver.dataset.trees import pack, unpack
 from kinetic_solver.methods import METHODS
 
 MakeScene = Callable[..., Scene]
-EVERY_METHOD = pytest.mark.parametrize("method", [name for name, method in METHODS.items() if method.resumes])
+EVERY_METHOD = pytest.mark.parametrize("method", METHODS)
 SMALL: dict[str, Any] = {
     "run": {"end_time": 1.5, "output_every": 0.5},
     "grid": {"nx": 9, "nv": 32},

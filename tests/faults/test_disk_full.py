@@ -46,20 +46,22 @@ def limited(size: int, *arguments: str, folder: Path) -> subprocess.CompletedPro
     return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=120)
 
 
-@pytest.mark.parametrize("method", [name for name, method in METHODS.items() if method.resumes])
+@pytest.mark.parametrize("method", METHODS)
 def test_a_run_that_fills_the_disk(tmp_path: Path, method: str) -> None:
-    (tmp_path / "scene.toml").write_text(SCENE)
+    """Hydrodynamics keeps frames that may still be refined in a file of their own, which is full first."""
+    full, limit, points = ("out.nc", 160_000, 15) if method != "hydrodynamics" else ("out.nc.frames", 90_000, 96)
+    (tmp_path / "scene.toml").write_text(SCENE.replace("nx = 15", f"nx = {points}"))
     scene = Scene.from_toml(tmp_path / "scene.toml")
     run_to_file(scene, tmp_path / "straight.nc", method)  # first: what it compiles is kept in files, too
-    done = limited(160_000, "run", "scene.toml", "-o", "out.nc", "--method", method, folder=tmp_path)
-    line = "out.nc: cannot be written (File too large); make room, and resume the run"
+    done = limited(limit, "run", "scene.toml", "-o", "out.nc", "--method", method, folder=tmp_path)
+    line = f"{full}: cannot be written (File too large); make room, and resume the run"
     said = [line for line in done.stderr.splitlines() if not line.startswith("t = ")]
     assert (done.returncode, done.stdout, said) == (1, "", [f"error: {line}"])
     path = tmp_path / "out.nc"
     with open_run(path) as left:
         frames = left.sizes["time"]
         assert (int(left["status"]), left.attrs["stopped"]) == (2, line)
-    assert 1 < frames < 31
+    assert (0 if method == "hydrodynamics" else 1) < frames < 31
     assert not list(tmp_path.glob("*.part"))
     run_to_file(scene, path, method, resume=True)
     with open_run(path) as found, open_run(tmp_path / "straight.nc") as expected:

@@ -10,13 +10,13 @@ from pathlib import Path
 
 import pytest
 
-from kinetic_solver.methods import METHODS
+from benchmarks.kills import SCENES
 
 ROOT = Path(__file__).parents[2]
 TRIALS = 2
 
 
-@pytest.mark.parametrize("method", [name for name, method in METHODS.items() if method.resumes])
+@pytest.mark.parametrize("method", SCENES)
 def test_killed_runs_lose_nothing(tmp_path: Path, method: str) -> None:
     command = [sys.executable, "-m", "benchmarks.kills", "--count", str(TRIALS), "--folder", str(tmp_path), "--method", method]
     path = os.pathsep.join([str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])])

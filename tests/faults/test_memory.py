@@ -18,12 +18,7 @@ PER_FRAME = 1000
 """Bytes that may be allocated and kept a frame, beside noise: a frame's f alone has 4608."""
 
 
-KEEPS_ALL = pytest.mark.xfail(
-    strict=True, reason="the closure is refined as a whole: no frame is final before the last refinement is accepted"
-)
-
-
-@pytest.mark.parametrize("method", [pytest.param(name, marks=KEEPS_ALL) if name == "hydrodynamics" else name for name in METHODS])
+@pytest.mark.parametrize("method", METHODS)
 def test_memory_is_flat(make_scene: Callable[..., Scene], tmp_path: Path, method: str) -> None:
     scene = make_scene(
         collisions={"operator": "follow-the-leader", "cross_section": 0.9},

@@ -8,12 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from kinetic_solver import Scene, SceneError, exact, hydrodynamics, run_to_file
+from kinetic_solver import RunUnfinished, Scene, SceneError, exact, hydrodynamics, run_to_file
 from kinetic_solver.analysis.info import summary
 from kinetic_solver.analysis.plotting import overview
 from kinetic_solver.compare import compare
 from kinetic_solver.compare.rows import Row
 from kinetic_solver.dataset import open_run
+from kinetic_solver.methods import Interruption
 
 SMALL: dict[str, Any] = {
     "pipe": {"length": 10.0},
@@ -56,6 +57,31 @@ def test_picture_and_words(run: Path) -> None:
     assert "density" in titles
     assert "grid        nx = 256" in said
     assert any(line.startswith("error_maximum_norm ") for line in said)
+
+
+def test_frames_that_may_be_refined_lie_beside_the_file(tmp_path: Path) -> None:
+    """Until the last pass is accepted; a run that finds them gone is not resumed, and one that replaces it removes them."""
+    scene, path, steps = Scene.model_validate({**SMALL, "accuracy": {"rtol": 1e-6}}), tmp_path / "a.nc", []
+    asked = Interruption()
+
+    def stop(time: float, end: float) -> None:
+        steps.append(time)
+        if len(steps) > 1 and time < steps[-2]:  # in the second pass
+            asked.stop = "a friend"
+
+    with pytest.raises(RunUnfinished):
+        run_to_file(scene, path, "hydrodynamics", progress=stop, interruption=asked)
+    with open_run(path) as left:
+        assert left["time"].values.tolist() == [0]
+        assert (left["density"].values > 0).all()
+    frames = tmp_path / "a.nc.frames"
+    assert frames.stat().st_size > 3 * 8 * 3 * left.sizes["x"] / 2
+    frames.unlink()
+    with pytest.raises(SceneError, match=r"a\.nc\.frames: has lost frames that the checkpoint speaks of; allowed: to overwrite"):
+        run_to_file(scene, path, "hydrodynamics", resume=True)
+    frames.write_bytes(b"of another run")
+    run_to_file(scene, path, "exact", overwrite=True)
+    assert [file.name for file in tmp_path.iterdir()] == ["a.nc"]
 
 
 def test_beams_are_refused_and_pulses_start() -> None:

@@ -44,7 +44,10 @@ def test_default_times_share_the_change_equally(make_scene: MakeScene) -> None:
     frames = _frames(run, "velocity_distribution", None)
     assert (frames[0], frames[-1]) == (0, 100)
     assert all(n < 30 for n in frames[:3])
-    assert _frames(run, "velocity_distribution", [0.31, 5.0]) == [3, 50]
+    assert _frames(run, "velocity_distribution", [0.31, 5.0, 10.0]) == [3, 50, 100]
+    for time in (-0.5, 10.5):
+        with pytest.raises(SceneError, match=rf"^time {time:g}: is beyond the frames of the file; allowed: 0 to 10$"):
+            _frames(run, "velocity_distribution", [5.0, time])
 
 
 @pytest.mark.parametrize("homogeneous", [True, False])

@@ -25,8 +25,9 @@ from kinetic_solver import (
 )
 from kinetic_solver.cli import app
 from kinetic_solver.dataset import VARIABLES, MemoryRecorder, open_netcdf, open_run, recording, refuse_existing, scene_of
-from kinetic_solver.methods import METHODS
+from kinetic_solver.methods import METHODS, Interruption
 from kinetic_solver.methods import progress as progress_module
+from kinetic_solver.methods.progress import telling
 from kinetic_solver.scene import Schedule
 from particles import simulate
 
@@ -79,6 +80,18 @@ def test_what_is_said_of_a_run(make_scene: MakeScene, tmp_path: Path) -> None:
     assert said["particles"][0].startswith("400 particles, ")
 
 
+@pytest.mark.parametrize("method", [name for name in METHODS if name != "particles"])
+def test_a_run_of_which_nothing_is_wanted_comes_to_its_end(make_scene: MakeScene, tmp_path: Path, method: str) -> None:
+    """Stopped and resumed, too: its file has no frames, and says that it has finished. (The particles refuse it.)"""
+    scene = make_scene(**SMALL, output=dict.fromkeys(("f", "moments", "scalars", "budgets"), False))
+    with pytest.raises(RunUnfinished):
+        run_to_file(scene, tmp_path / "a.nc", method, max_walltime=0)
+    run_to_file(scene, tmp_path / "a.nc", method, resume=True)
+    with open_run(tmp_path / "a.nc") as found:
+        assert int(found["status"]) == 1
+        assert "time" not in found.sizes
+
+
 # -- refusals: SceneErrors of one line, which leave what is there
 
 
@@ -99,8 +112,6 @@ def test_an_existing_file_is_kept_unless_it_may_be_replaced(make_scene: MakeScen
     ("arguments", "message"),
     [
         ({"method": "guess"}, "method = 'guess': unknown; allowed: 'grid', 'exact', 'hydrodynamics', 'particles'"),
-        ({"method": "hydrodynamics", "resume": True}, "resume: method 'hydrodynamics' keeps no checkpoints, and starts afresh"),
-        ({"method": "hydrodynamics", "max_walltime": 3}, "max_walltime: method 'hydrodynamics' keeps no checkpoints"),
         ({"method": "particles", "max_walltime": -2.5}, "max_walltime = -2.5: allowed: 0 or more seconds"),
         ({"method": "particles", "max_walltime": float("nan")}, "max_walltime = nan: allowed: 0 or more seconds"),
         ({"method": "particles", "resume": True, "overwrite": True}, "resume, overwrite: both are given"),
@@ -197,7 +208,7 @@ def test_particles_that_cannot_go_on_keep_their_frames(make_scene: MakeScene, mo
     assert caught.value.dataset.attrs["stopped"] == "lost"
 
 
-@pytest.mark.parametrize("method", [name for name, method in METHODS.items() if method.resumes])
+@pytest.mark.parametrize("method", METHODS)
 def test_a_run_that_is_stopped_early_is_resumed(make_scene: MakeScene, tmp_path: Path, method: str) -> None:
     scene, path = make_scene(**SMALL), tmp_path / "a.nc"
     with pytest.raises(RunUnfinished, match="stopped at t = 0 after 0 s; resume it to go on"):
@@ -211,6 +222,15 @@ def test_a_run_that_is_stopped_early_is_resumed(make_scene: MakeScene, tmp_path:
     with open_run(path) as found:
         for name in expected.variables:
             assert np.array_equal(found[name].values, expected[name].values, equal_nan=True), name
+
+
+@EVERY_METHOD
+def test_a_resumed_run_without_a_checkpoint_says_so(make_scene: MakeScene, tmp_path: Path, method: str) -> None:
+    answers: list[str] = []
+    asked = Interruption(answer=answers.append)
+    for _ in range(2):
+        run_to_file(make_scene(**SMALL), tmp_path / "a.nc", method, resume=True, interruption=asked)
+    assert answers == [f"{tmp_path / 'a.nc'}: there is no checkpoint to go on from; the run starts at t = 0"]
 
 
 def test_recording_closes_with_the_reason(make_scene: MakeScene) -> None:
@@ -239,6 +259,31 @@ def test_progress_in_lines(
     assert capsys.readouterr() == ("", "")
 
 
+def test_progress_of_a_run_that_goes_back(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    """To be refined: what is left is reckoned from there on."""
+    clock = iter([100.0, 115.0, 116.0, 126.0, 127.0])
+    monkeypatch.setattr(progress_module, "monotonic", lambda: next(clock))
+    with telling(True) as line:
+        assert line is not None
+        for time in (0.9, 0.1, 0.6, 2.1):
+            line(time, 2.1)
+    assert capsys.readouterr().err.splitlines() == [
+        "t = 0.9 of 2.1, 20 s left",
+        "t = 0.6 of 2.1 again, 30 s left",
+        "t = 2.1 of 2.1 again, 0 s left",
+    ]
+
+
+def test_the_closure_tells_its_end_once(make_scene: MakeScene, tmp_path: Path) -> None:
+    told: list[float] = []
+    scene = make_scene(**{**SMALL, "grid": {}, "accuracy": {"rtol": 1e-6}})
+    run_to_file(scene, tmp_path / "a.nc", "hydrodynamics", progress=lambda time, end: told.append(time))
+    passes = int((np.diff(told) < 0).sum()) + 1
+    assert passes > 1
+    assert told.count(1.5) == 1
+    assert told[-1] == 1.5
+
+
 def test_progress_on_a_terminal(
     make_scene: MakeScene, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -263,8 +308,8 @@ def test_scenes_of_datasets(make_scene: MakeScene, tmp_path: Path) -> None:
     with pytest.raises(SceneError, match=r"^dataset: its scene cannot be read"):
         scene_of(dataset.assign_attrs(scene="{"))
     (tmp_path / "text.nc").write_text("nonsense")
-    for name in ("text.nc", "none.nc"):
-        with pytest.raises(SceneError, match=r"^start: is not a readable netCDF file$"):
+    for name, problem in (("text.nc", "is not a readable netCDF file"), ("none.nc", "there is no such file")):
+        with pytest.raises(SceneError, match=rf"^start: {problem}$"):
             open_netcdf(tmp_path / name, "start")
     refuse_existing(tmp_path / "none.nc")
     refuse_existing(tmp_path / "text.nc", overwrite=True)

@@ -53,7 +53,7 @@ def test_stopped_and_resumed(tmp_path: Path) -> None:
         assert part.sizes["time"] == 1
     assert (tmp_path / "out.nc.checkpoint").exists()
     again = run(tmp_path, "-o", "out.nc", "--resume", "--max-walltime", "0")
-    assert "stopped at t = 0 after 0 s" in again.stderr  # one step later, within the first interval
+    assert 0 < float(again.stderr.split("t = ")[1].split(" ")[0]) < 0.02, again.stderr  # one step of one replica later
     changed = run(tmp_path, "-o", "out.nc", "--resume", "--set", "particles.seed=6")
     assert changed.returncode == 2
     assert "is of another scene (particles.seed differ)" in changed.stderr
