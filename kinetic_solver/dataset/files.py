@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import struct
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -23,13 +24,26 @@ NO_TIME = 9e36
 
 
 def open_netcdf(path: str | Path, source: str | None = None) -> xr.Dataset:
-    """A netCDF file, read lazily. Raises SceneError, which begins with `source` (the path), where there is none."""
+    """A netCDF file, read lazily; times are the numbers that the file has, whatever their units.
+
+    Raises SceneError, which begins with `source` (the path), where there is none.
+    """
     import xarray as xr
 
+    where, there = source or str(path), Path(path)
     try:
-        return xr.open_dataset(path)
-    except (OSError, ValueError):
-        raise SceneError(f"{source or path}: is not a readable netCDF file") from None
+        if not there.exists():
+            raise SceneError(f"{where}: there is no such file")
+        if there.is_dir():
+            raise SceneError(f"{where}: is a folder; allowed: a netCDF file")
+        if not os.access(there, os.R_OK):
+            raise SceneError(f"{where}: may not be read; allowed: a file with permission to read it")
+        # What xarray makes of times by itself differs between its versions ("seconds" became durations in some).
+        return xr.open_dataset(there, engine="netcdf4", decode_times=False)
+    except SceneError:
+        raise
+    except (OSError, ValueError, RuntimeError):
+        raise SceneError(f"{where}: is not a readable netCDF file") from None
 
 
 def open_run(path: str | Path) -> xr.Dataset:

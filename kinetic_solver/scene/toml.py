@@ -19,7 +19,7 @@ def read(path: str | Path, overrides: dict[str, Any] | None = None) -> dict[str,
     folder. Raises SceneError."""
     path = Path(path)
     try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
+        data = tomllib.loads(path.read_text(encoding="utf-8-sig"))  # editors of some systems begin a file with a mark
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "not a UTF-8 text file"
         raise SceneError(f"{path}: cannot be read ({reason})") from None
