@@ -141,7 +141,7 @@ def _temperature_history(axes: Any, dataset: xr.Dataset) -> None:
         axes.axhline(state.temperature, color="0.4", lw=1, ls="--", label=f"stationary, θ = {state.temperature:.6g}")
     elif scene.operator == INELASTIC and scene.model.friction == 0:
         rate = scene.cross_section * (1 - scene.restitution**2) * scene.initial.density * np.sqrt(theta[0] / np.pi)
-        axes.plot(t, theta[0] / (1 + rate * t) ** 2, color="0.4", lw=1, ls="--", label="Haff's law (Maxwellian gas)")
+        axes.plot(t, theta[0] / (1 + rate * (t - t[0])) ** 2, color="0.4", lw=1, ls="--", label="Haff's law (Maxwellian gas)")
     axes.set(xlabel="time t", ylabel="temperature θ", title="temperature θ(t)")
     if theta.min() > 0 and theta.max() > 30 * theta.min():
         axes.set(yscale="log")

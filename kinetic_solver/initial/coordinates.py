@@ -107,13 +107,13 @@ def _one_period(
 
     span, uniform = float(x[-1] - x[0]), _uniform(x, digits)
     period = span * x.size / (x.size - 1) if x.size > 1 else length
-    if bounds is not None and (x.size == 1 or not uniform):
-        period = float(bounds.max() - bounds.min())
     if x.size > 1 and same(span):
         _check_ends(x, f, rtol, where)
         exact.append(f"its last place, x = {x[-1]:g}, is its first one a period on, and left out")
         x, f = x[:-1], f[:-1]
         period = length
+    elif bounds is not None and (x.size == 1 or not uniform or same(period)):
+        period = float(bounds.max() - bounds.min())  # cells of another period contradict places of this one
     if uniform or bounds is not None:
         if not same(period):
             raise SceneError(f"{where}: its period is {period:.10g}, the scene's {length:.10g}")

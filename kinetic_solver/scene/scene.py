@@ -29,6 +29,7 @@ from kinetic_solver.scene.tables import (
     Pipe,
     Run,
     Table,
+    Units,
 )
 
 
@@ -64,6 +65,7 @@ class Scene(Table):
     grid: Grid = Grid()
     particles: Particles = Particles()
     hydrodynamics: Hydrodynamics = Hydrodynamics()
+    units: Units | None = None
 
     @model_validator(mode="after")
     def _cadences_are_countable(self) -> Scene:

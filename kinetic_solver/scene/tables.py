@@ -90,8 +90,23 @@ class Pipe(Table):
     """L, the period of the pipe [length]."""
 
 
+UnitName = Annotated[str, Field(strict=True, pattern=r"^([A-Za-zµμΩ°]+|1)$", max_length=30)]
+
+
+class Units(Table):
+    """What the scene's units are called, as in UDUNITS: names for files alone, no number depends on them."""
+
+    length: UnitName
+    """"m", say."""
+    time: UnitName
+    """"s", say."""
+    number: UnitName = "1"
+    """Of particles: "1" for plain numbers."""
+
+
 class Run(Table):
     end_time: Positive
+    """Since the start, whatever `initial.time` is."""
     output_every: Positive | None = None
     """Frames at 0, every output_every, and end_time; None means end_time."""
 

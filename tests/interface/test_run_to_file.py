@@ -263,8 +263,8 @@ def test_scenes_of_datasets(make_scene: MakeScene, tmp_path: Path) -> None:
     with pytest.raises(SceneError, match=r"^dataset: its scene cannot be read"):
         scene_of(dataset.assign_attrs(scene="{"))
     (tmp_path / "text.nc").write_text("nonsense")
-    for name in ("text.nc", "none.nc"):
-        with pytest.raises(SceneError, match=r"^start: is not a readable netCDF file$"):
+    for name, message in (("text.nc", "is not a readable netCDF file"), ("none.nc", "there is no such file")):
+        with pytest.raises(SceneError, match=rf"^start: {message}$"):
             open_netcdf(tmp_path / name, "start")
     refuse_existing(tmp_path / "none.nc")
     refuse_existing(tmp_path / "text.nc", overwrite=True)

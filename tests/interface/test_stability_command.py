@@ -118,7 +118,7 @@ def test_a_run_is_measured(command: Command, folder: Path, scene: Scene) -> None
     [
         ((), "nothing to do"),
         (("scene.toml", "--set", "model.friction=0.0"), "model.friction = 0"),
-        (("missing.nc",), "missing.nc: is not a readable netCDF file"),
+        (("missing.nc",), "missing.nc: there is no such file"),
         (("missing.toml",), "missing.toml: cannot be read"),
     ],
 )
