@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
+LONGEST_NAME = 230
+"""Bytes of a file's name: 255 on all common file systems, less what a run adds to it (`.checkpoint.previous`)."""
 NO_TIME = 9e36
 """A frame in the making has netCDF's fill value, 9.97e36, for its time."""
 
@@ -116,6 +118,9 @@ def refuse_existing(path: str | Path, overwrite: bool = False) -> None:
     except UnicodeEncodeError:
         shown = str(path).encode(errors="replace").decode()
         raise SceneError(f"{shown}: is no name of a file to write; allowed: one in UTF-8") from None
+    long = [part for part in Path(path).parts if len(part.encode()) > LONGEST_NAME]
+    if long:
+        raise SceneError(f"{long[0][:20]}…: is too long a name, {len(long[0])} letters; allowed: up to {LONGEST_NAME} bytes")
     if Path(path).is_dir():
         raise SceneError(f"{path}: is a folder; allowed: the name of a file")
     if Path(path).exists() and not overwrite:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic import model_validator
+from pydantic import BaseModel, model_validator
 
 from kinetic_solver.arrays import Array
 from kinetic_solver.errors import SceneError
@@ -33,7 +33,7 @@ from kinetic_solver.scene.tables import (
 )
 
 
-class Groups(Table):
+class Groups(BaseModel, frozen=True):
     """The dimensionless groups of a scene."""
 
     collision_number: float
