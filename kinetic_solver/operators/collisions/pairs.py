@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from kinetic_solver.arrays import Array
 from kinetic_solver.laws import PairLaw
 from kinetic_solver.laws.law import outcomes
+from kinetic_solver.threads import numba_threads
 
 POINTS = {"linear": 2, "cubic": 4, "quintic": 6}
 """Of each deposit's stencil: the order of its error in dv."""
@@ -24,6 +25,10 @@ POINTS = {"linear": 2, "cubic": 4, "quintic": 6}
 MOST_TABLES = 16
 """That are kept, of nv rows each: a run looks at a handful of grids again and again (4, asked for 556 times, in
 scenes/relaxation.toml)."""
+
+WORK_OF_A_THREAD = 1_000_000
+"""nx·nv² of a rate for which a thread is worth waiting for, about 1 ms (1 to 2 ns each, quintic). Two threads took 8 to 20 ms for
+rates of 0.1 to 0.9 ms where others used both cores as well."""
 
 UNCHANGED = 1e-15
 """Of r: a pair that moves by less stays as it is."""
@@ -56,7 +61,8 @@ class PairCollisions:
         if self.idle:
             return np.zeros_like(f)
         scale = self.law.cross_section * self.dv**2
-        out = _rate(np.ascontiguousarray(f), scale, *self._linear, *self._high)
+        with numba_threads(f.size * self.velocity.size // WORK_OF_A_THREAD):
+            out = _rate(np.ascontiguousarray(f), scale, *self._linear, *self._high)
         if self._kink:
             square = (scale * self._kink) * f[:, 1:-1] ** 2
             out[:, :-2] += square
