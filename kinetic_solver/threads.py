@@ -1,11 +1,15 @@
-"""How many threads the linear algebra takes, and loops over rows of f."""
+"""How many threads linear algebra, loops over rows of f, and parallel loops take."""
 
 from __future__ import annotations
 
 import functools
+import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from typing import Any, ParamSpec, TypeVar
+
+from kinetic_solver.errors import KineticError
 
 SECONDS_OF_A_THREAD = 2e-3
 """Work that is worth a thread: to start and join one takes 0.1 ms, more where the cores are busy."""
@@ -37,6 +41,43 @@ def with_one_blas_thread(function: Callable[P, R]) -> Callable[P, R]:
             return function(*args, **kwargs)
 
     return wrapped
+
+
+_lost_threads = False
+
+
+def _after_fork() -> None:
+    global _lost_threads
+    numba = sys.modules.get("numba")
+    with suppress(ValueError):  # raised where no loop has run in parallel yet
+        _lost_threads = _lost_threads or (numba is not None and numba.threading_layer() == "omp")
+
+
+os.register_at_fork(after_in_child=_after_fork)
+
+
+@contextmanager
+def numba_threads(worth: int) -> Iterator[None]:
+    """A context in which numba's loops take as many threads as they are worth, one or more, and no more than they would take.
+
+    Threads wait for each other at the end of every loop: on cores that others use as well, for milliseconds. The results of the
+    loops here are the same at any number.
+
+    Raises KineticError in a process that was forked from one whose loops had run on GNU OpenMP, which would end it at the first.
+    """
+    import numba
+
+    if _lost_threads:
+        raise KineticError(
+            "this process was forked from one that had used threads already, and GNU OpenMP does not survive that; allowed: "
+            "processes started by spawn or forkserver, threads, or to fork before the first run"
+        )
+    allowed = numba.get_num_threads()
+    numba.set_num_threads(max(1, min(allowed, worth)))
+    try:
+        yield
+    finally:
+        numba.set_num_threads(allowed)
 
 
 @functools.cache

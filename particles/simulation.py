@@ -68,11 +68,12 @@ class Simulation:
         self.ensembles: list[Ensemble] = []
         self.files: list[SingleFile] = []
         """Instead of ensembles, where collisions are those of single files."""
-        for x, v in start:
-            if plan.single_file:
-                self.files.append(SingleFile(x, v, scene.pipe.length, plan.probability, _needed(plan)))
-            else:
-                self.ensembles.append(Ensemble(x, v, scene.pipe.length, plan.cells))
+        with threads_for(scene.particles.count):
+            for x, v in start:
+                if plan.single_file:
+                    self.files.append(SingleFile(x, v, scene.pipe.length, plan.probability, _needed(plan)))
+                else:
+                    self.ensembles.append(Ensemble(x, v, scene.pipe.length, plan.cells))
         if state is not None:
             self.time, self.number = float(state["time"]), int(state["number"])
             self.candidates, self.collisions = int(state["candidates"]), int(state["collisions"])

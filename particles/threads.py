@@ -6,20 +6,13 @@ Results are the same at any number.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
 
-import numba
+from kinetic_solver.threads import numba_threads
 
 PARTICLES_OF_A_THREAD = 200_000
 
 
-@contextmanager
-def threads_for(count: int) -> Iterator[None]:
+def threads_for(count: int) -> AbstractContextManager[None]:
     """As many threads as `count` particles are worth, and no more than there are; numba's setting is restored."""
-    allowed = numba.get_num_threads()
-    numba.set_num_threads(max(1, min(allowed, count // PARTICLES_OF_A_THREAD)))
-    try:
-        yield
-    finally:
-        numba.set_num_threads(allowed)
+    return numba_threads(count // PARTICLES_OF_A_THREAD)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from kinetic_solver.initial import start_state
+from kinetic_solver.initial import file_notes, start_state
 from kinetic_solver.plan import Plan, make_plan
 from kinetic_solver.scene import FOLLOW_LEADER, INELASTIC, Scene
 from kinetic_solver.stability import critical_density, kinetic_rates
@@ -21,7 +21,7 @@ def describe(scene: Scene, on_the_grid: bool = True) -> list[tuple[str, list[Row
         ("Dimensionless groups", _groups(scene)),
         ("Homogeneous state", _homogeneous(scene)),
         ("Three-moment closure of the paper", _closure(scene)),
-        ("Start", _start(scene)),
+        ("Start", _start(scene, on_the_grid)),
         *run,
     ]
 
@@ -91,9 +91,10 @@ def _closure(scene: Scene) -> list[Row]:
     return rows
 
 
-def _start(scene: Scene) -> list[Row]:
+def _start(scene: Scene, on_the_grid: bool) -> list[Row]:
     if scene.initial.file is not None:
-        return [("file", scene.initial.file)]
+        said = file_notes(scene) if on_the_grid else []
+        return [("file", scene.initial.file), *(("of it", text) for text in said)]
     if scene.initial.eigenmodes:
         return [
             (

@@ -40,6 +40,8 @@ def plain_logs(axis: Any, decades: float = 1.0) -> None:
     """A logarithmic axis with 0.01, 2, 1000 written so, powers of ten beyond; the shorter it is, the more is labelled."""
 
     def text(y: float, _: Any) -> str:
+        if not 0 < y < math.inf:  # an axis up to the largest of numbers has ticks beyond it
+            return ""
         if 1e-4 < y < 1e6 and (decades < 3 or y < 1e4):
             return f"{y:g}"
         power = math.floor(math.log10(y) + 1e-9)

@@ -54,7 +54,8 @@ def measured_rates(dataset: xr.Dataset, modes: int | Iterable[int] | None = None
         raise SceneError("the dataset has no density over x to measure growth rates from; set output.moments = true, nx > 2")
     highest = (dataset.sizes["x"] - 1) // 2
     numbers = mode_numbers(range(1, min(8, highest) + 1) if modes is None else modes)
-    t = dataset[str(dataset["density"].dims[0])].values
+    began = scene.initial.time
+    t = dataset[str(dataset["density"].dims[0])].values - began  # since the start
     amplitudes = mode_amplitudes(dataset)
     fits = [_measure(dataset, scene, t, amplitudes, n) if n <= highest else None for n in numbers]
     result = growth_rates(scene, numbers)
@@ -71,8 +72,8 @@ def measured_rates(dataset: xr.Dataset, modes: int | Iterable[int] | None = None
     add("growth_rate", [fit.s.real if fit else math.nan for fit in fits], "measured growth rate Re s")
     add("frequency", [fit.s.imag if fit else math.nan for fit in fits], "measured Im s")
     add("uncertainty", [fit.uncertainty if fit else math.nan for fit in fits], "uncertainty of the measured s")
-    add("first_time", [fit.first if fit else math.nan for fit in fits], "first frame of the fit", "time")
-    add("last_time", [fit.last if fit else math.nan for fit in fits], "last frame of the fit", "time")
+    add("first_time", [began + fit.first if fit else math.nan for fit in fits], "first frame of the fit", "time")
+    add("last_time", [began + fit.last if fit else math.nan for fit in fits], "last frame of the fit", "time")
     add("frames", [fit.frames if fit else 0 for fit in fits], "frames of the fit", "1")
     return result
 

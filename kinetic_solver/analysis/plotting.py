@@ -22,6 +22,10 @@ if TYPE_CHECKING:
 
 LIGHTEST = 0.85
 """Shade of the curve at the last time."""
+MOST_FRAMES = 400
+"""Frames between which it is seen how much a field changes. Chosen: four of them are shown."""
+MOST_ROWS, MOST_COLUMNS = 1000, 1000
+"""Of a map of colours: its axes have some 800 dots."""
 
 
 def overview(dataset: xr.Dataset, times: Sequence[float] | None = None) -> Figure:
@@ -81,16 +85,30 @@ def _frames(dataset: xr.Dataset, name: str, times: Sequence[float] | None, count
             if not t[0] <= time <= t[-1] * (1 + SAME_TIME):
                 raise SceneError(f"time {time:g}: is beyond the frames of the file; allowed: {t[0]:g} to {t[-1]:g}")
         return sorted({int(np.abs(t - time).argmin()) for time in times})[:count]
-    values = dataset[name].values[: t.size].reshape(t.size, -1)
-    change = np.abs(np.diff(values, axis=0)).sum(axis=1)
-    path = np.append(0.0, np.cumsum(change))
-    return sorted({int(np.abs(path - part).argmin()) for part in np.linspace(0, path[-1], count)})
+    looked = _some(t.size, MOST_FRAMES)
+    change, before = [0.0], _frame(dataset, name, 0)
+    for n in looked[1:]:
+        now = _frame(dataset, name, n)
+        change.append(float(np.abs(now - before).sum()))
+        before = now
+    path = np.cumsum(change)
+    return sorted({int(looked[np.abs(path - part).argmin()]) for part in np.linspace(0, path[-1], count)})
+
+
+def _some(count: int, most: int) -> Array:
+    """Indices of that many of `count` frames, evenly, both ends among them; all where there are no more."""
+    return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(int))
+
+
+def _frame(dataset: xr.Dataset, name: str, n: int) -> Array:
+    """One frame: a file is read no further."""
+    return np.asarray(dataset[name].isel({dataset[name].dims[0]: n}).values)
 
 
 def _times(dataset: xr.Dataset, name: str) -> Array:
     """Times of the frames of `name` that are complete."""
-    dimension = str(dataset[name].dims[0])
-    whole = np.isfinite(dataset[name].values.reshape(dataset.sizes[dimension], -1)[:, 0])
+    dimension, *others = map(str, dataset[name].dims)
+    whole = np.isfinite(dataset[name].isel(dict.fromkeys(others, 0)).values)
     return np.asarray(dataset[dimension].values[whole], dtype=float)
 
 
@@ -126,8 +144,12 @@ def _legend_below(axes: Any, columns: int) -> None:
 
 def _density_map(axes: Any, dataset: xr.Dataset) -> None:
     t = _times(dataset, "density")
-    x, rho = _fine_x(dataset["density"].values[: t.size], _period(dataset), axis=1)
+    rows = _some(t.size, MOST_ROWS)
+    t = t[rows]
+    x, rho = _fine_x(dataset["density"].isel({dataset["density"].dims[0]: rows}).values, _period(dataset), axis=1)
     if t.size > 2:
+        columns = _some(x.size, MOST_COLUMNS)
+        x, rho = x[columns], rho[:, columns]
         mesh = axes.pcolormesh(x, t, rho, cmap="magma", shading="gouraud", rasterized=True)
         axes.figure.colorbar(mesh, ax=axes, label="density ρ", pad=0.01)
         axes.set(xlabel="x", ylabel="time t", title="density ρ(x, t)", xlim=(0, x[-1]))
@@ -147,7 +169,7 @@ def _temperature_history(axes: Any, dataset: xr.Dataset) -> None:
         axes.axhline(state.temperature, color="0.4", lw=1, ls="--", label=f"stationary, θ = {state.temperature:.6g}")
     elif scene.operator == INELASTIC and scene.model.friction == 0:
         rate = scene.cross_section * (1 - scene.restitution**2) * scene.initial.density * np.sqrt(theta[0] / np.pi)
-        axes.plot(t, theta[0] / (1 + rate * t) ** 2, color="0.4", lw=1, ls="--", label="Haff's law (Maxwellian gas)")
+        axes.plot(t, theta[0] / (1 + rate * (t - t[0])) ** 2, color="0.4", lw=1, ls="--", label="Haff's law (Maxwellian gas)")
     axes.set(xlabel="time t", ylabel="temperature θ", title="temperature θ(t)")
     if theta.min() > 0 and theta.max() > 30 * theta.min():
         axes.set(yscale="log")
@@ -160,18 +182,19 @@ def _temperature_history(axes: Any, dataset: xr.Dataset) -> None:
 def _density_profiles(axes: Any, dataset: xr.Dataset, shown: list[int]) -> None:
     """In place of w(v), where a run has none: hydrodynamics. As it is at its points, since shocks have no interpolant."""
     t, length = _times(dataset, "density"), _period(dataset)
-    x, rho = np.append(dataset["x"].values, length), dataset["density"].values
+    x = np.append(dataset["x"].values, length)
     for colour, n in zip(shades(len(shown), LIGHTEST), shown, strict=True):
-        axes.plot(x, np.append(rho[n], rho[n, 0]), color=colour, lw=2, label=f"t = {t[n]:.3g}")
+        rho = _frame(dataset, "density", n)
+        axes.plot(x, np.append(rho, rho[0]), color=colour, lw=2, label=f"t = {t[n]:.3g}")
     axes.set(xlabel="x", ylabel="ρ(x, t)", title="density", xlim=(0, length))
     axes.legend(frameon=False)
 
 
 def _velocity_distribution(axes: Any, dataset: xr.Dataset, shown: list[int]) -> None:
     t, v = _times(dataset, "velocity_distribution"), dataset["v"].values
-    w = dataset["velocity_distribution"].values
+    w = {n: _frame(dataset, "velocity_distribution", n) for n in shown}
     dv = v[1] - v[0]
-    top = float(w[shown].max())
+    top = max(float(values.max()) for values in w.values())
     for colour, n in zip(shades(len(shown), LIGHTEST), shown, strict=True):
         mass = w[n].sum() * dv
         mean = (v * w[n]).sum() * dv / mass
@@ -181,7 +204,7 @@ def _velocity_distribution(axes: Any, dataset: xr.Dataset, shown: list[int]) -> 
         axes.plot(fine, curve, color=colour, lw=2, label=f"t = {t[n]:.3g}")
         axes.plot(fine, gaussian, color=colour, lw=1, ls=(0, (3, 2)))
     axes.plot([], [], color="0.4", lw=1, ls=(0, (3, 2)), label="Gaussian, same moments")
-    visible = v[(w[shown] > 1e-3 * top).any(axis=0)]
+    visible = v[np.any([values > 1e-3 * top for values in w.values()], axis=0)]
     axes.set(xlabel="v", ylabel="w(v, t)", title="velocity distribution", xlim=(visible[0], visible[-1]), ylim=(0, None))
     _legend_below(axes, len(shown) + 1)
 
@@ -191,7 +214,7 @@ def _phase_space(figure: Any, dataset: xr.Dataset, times: Sequence[float] | None
     t, v = _times(dataset, "f"), dataset["v"].values
     frames = []
     for n in shown:
-        x, f = _fine_x(dataset["f"].values[n], _period(dataset), axis=0)
+        x, f = _fine_x(_frame(dataset, "f", n), _period(dataset), axis=0)
         fine, f = _fine_v(v, f, axis=1)
         frames.append(f)
     top = max(float(f.max()) for f in frames)

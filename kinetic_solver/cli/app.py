@@ -54,7 +54,7 @@ def main() -> None:
         if not hasattr(error, "format_message"):
             raise
         message = error.format_message()
-        print(message if "Usage:" in message else f"error: {' '.join(message.split())}", file=sys.stderr)
+        print(message if "Usage:" in message else f"error: {' '.join(message.split())[:LONGEST_LINE]}", file=sys.stderr)
         code = WRONG
     try:
         sys.stdout.flush()
@@ -104,11 +104,19 @@ def _fail(error: BaseException | str, code: int) -> typer.Exit:
 
 def load(path: Path, overrides: list[str] | None) -> Scene:
     """The scene, with what `--set` says."""
+    from kinetic_solver.errors import SceneError
     from kinetic_solver.scene import Scene, parse_override
 
+    if path.is_file():
+        with path.open("rb") as file:
+            start = file.read(4)
+        if start.startswith(b"CDF") or start == b"\x89HDF":
+            raise SceneError(f"{path}: this is a run, and no scene in TOML; allowed: info {path}, or plot {path}")
     return Scene.from_toml(path, dict(parse_override(text) for text in overrides or ()))
 
 
+LONGEST_LINE = 500
+"""Characters of what is said about a wrong command: it may repeat megabytes that were given."""
 PICTURES = (".png", ".pdf", ".svg", ".jpg", ".jpeg", ".ps", ".eps", ".tif", ".tiff", ".webp")
 
 
@@ -118,6 +126,8 @@ def refuse_picture(output: Path | None, *read: Path | None) -> None:
 
     if output is None:
         return
+    if not output.name:
+        raise SceneError(f"-o {output}: is a folder; allowed: the name of a file")
     if (ending := output.suffix.lower()) in PICTURES:
         raise SceneError(f"-o {output}: is for the dataset; allowed: a name that does not end in {ending} (pictures have that)")
     if any(path is not None and output.resolve() == path.resolve() for path in read):

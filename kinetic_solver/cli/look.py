@@ -28,8 +28,8 @@ def plot(
             raise SceneError(f"--times {times!r}: expected numbers separated by commas") from None
         if chosen and not all(math.isfinite(time) for time in chosen):
             raise SceneError(f"--times {times!r}: expected finite numbers")
-        target = output or run.with_suffix(".png")
         with open_run(run) as dataset:
+            target = output or run.with_suffix(".png")
             save_overview(dataset, target, chosen)
         print(f"wrote {target}")
 

@@ -26,6 +26,9 @@ def run(
     overrides: Overrides = None,
     overwrite: Overwrite = False,
     certified: Annotated[bool, typer.Option("--certify", help="Run again refined; add error bars and observed orders.")] = False,
+    file_format: Annotated[
+        str, typer.Option("--format", help="classic, or netcdf4: compressed, once the run has finished.")
+    ] = "classic",
     resume: Annotated[bool, typer.Option("--resume", help="Go on from where the run was stopped.")] = False,
     max_walltime: Annotated[
         float | None, typer.Option(metavar="S", help="Stop after S seconds with a checkpoint, to be resumed; exit code 3.")
@@ -34,10 +37,13 @@ def run(
     """Solve a scene and write a netCDF file. SIGTERM and Ctrl-C stop it with a checkpoint, SIGUSR1 writes one."""
     with exit_codes():
         from kinetic_solver.cli.signals import listening
+        from kinetic_solver.dataset import compress
         from kinetic_solver.errors import SceneError
         from kinetic_solver.methods import METHODS, Interruption, run_to_file
 
         refuse_picture(output, scene)
+        if file_format not in ("classic", "netcdf4"):
+            raise SceneError(f"--format {file_format}: allowed: classic or netcdf4")
         loaded = load(scene, overrides)
         target = output or Path(scene.stem + ".nc")
         if certified and method != "grid" and method in METHODS:
@@ -49,6 +55,8 @@ def run(
             print(line)
         if certified:
             _certify(loaded, target)
+        if file_format == "netcdf4":
+            compress(target)
         print(f"{target} is complete" if resume else f"wrote {target}")
 
 

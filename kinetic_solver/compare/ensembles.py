@@ -14,7 +14,7 @@ from kinetic_solver.compare.values import OVER_X, Points, Values, totals_of
 from kinetic_solver.errors import SceneError
 from kinetic_solver.scene import Scene
 from particles.estimators import Sampler, fields
-from particles.files import frame_of_particles, particle_names, time_dimension
+from particles.files import frame_of_particles, outside_of_pipe, particle_names, time_dimension
 
 PARTS = 20
 """Parts that a single ensemble is divided into: their scatter gives its errors, as if particles were independent."""
@@ -49,7 +49,9 @@ class EnsembleSide(Side):
 
     def _size(self) -> str:
         replicas, count = self._shape
-        return f"{count} particles" + (f" in each of {replicas} replicas" if replicas > 1 else ", one ensemble")
+        text = f"{count} particles" + (f" in each of {replicas} replicas" if replicas > 1 else ", one ensemble")
+        outside = 0 if self.ruling is None else outside_of_pipe(frame_of_particles(self.dataset, 0)[0], self.ruling.pipe.length)
+        return text + (f", positions of {outside} outside the pipe taken modulo its period" if outside else "")
 
     @property
     def number(self) -> float:

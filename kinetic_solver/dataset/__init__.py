@@ -1,6 +1,7 @@
 """The one schema of every method's dataset, what records it, and files of it: the only place that writes netCDF."""
 
 from kinetic_solver.dataset.checkpoint import Checkpoint, finished
+from kinetic_solver.dataset.compressed import compress
 from kinetic_solver.dataset.files import (
     append,
     law_of_run,
@@ -29,6 +30,7 @@ __all__ = [
     "Variables",
     "append",
     "attributes",
+    "compress",
     "finished",
     "law_attribute",
     "law_of_run",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import struct
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,20 +19,33 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
+LONGEST_NAME = 230
+"""Bytes of a file's name: 255 on all common file systems, less what a run adds to it (`.checkpoint.previous`)."""
 NO_TIME = 9e36
 """A frame in the making has netCDF's fill value, 9.97e36, for its time."""
 
 
 def open_netcdf(path: str | Path, source: str | None = None) -> xr.Dataset:
-    """A netCDF file, read lazily. Raises SceneError, which begins with `source` (the path), where there is none."""
+    """A netCDF file, read lazily; times are the numbers that the file has, whatever their units.
+
+    Raises SceneError, which begins with `source` (the path), where there is none.
+    """
     import xarray as xr
 
-    if not Path(path).exists():
-        raise SceneError(f"{source or path}: there is no such file")
+    where, there = source or str(path), Path(path)
     try:
-        return xr.open_dataset(path)
-    except (OSError, ValueError):
-        raise SceneError(f"{source or path}: is not a readable netCDF file") from None
+        if not there.exists():
+            raise SceneError(f"{where}: there is no such file")
+        if there.is_dir():
+            raise SceneError(f"{where}: is a folder; allowed: a netCDF file")
+        if not os.access(there, os.R_OK):
+            raise SceneError(f"{where}: may not be read; allowed: a file with permission to read it")
+        # What xarray makes of times by itself differs between its versions ("seconds" became durations in some).
+        return xr.open_dataset(there, engine="netcdf4", decode_times=False)
+    except SceneError:
+        raise
+    except (OSError, ValueError, RuntimeError):
+        raise SceneError(f"{where}: is not a readable netCDF file") from None
 
 
 def open_run(path: str | Path) -> xr.Dataset:
@@ -104,6 +118,9 @@ def refuse_existing(path: str | Path, overwrite: bool = False) -> None:
     except UnicodeEncodeError:
         shown = str(path).encode(errors="replace").decode()
         raise SceneError(f"{shown}: is no name of a file to write; allowed: one in UTF-8") from None
+    long = [part for part in Path(path).parts if len(part.encode()) > LONGEST_NAME]
+    if long:
+        raise SceneError(f"{long[0][:20]}…: is too long a name, {len(long[0])} letters; allowed: up to {LONGEST_NAME} bytes")
     if Path(path).is_dir():
         raise SceneError(f"{path}: is a folder; allowed: the name of a file")
     if Path(path).exists() and not overwrite:

@@ -9,6 +9,8 @@ from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
 
+import numpy as np
+
 from kinetic_solver.laws import CollisionLaw
 from kinetic_solver.scene import Scene
 
@@ -21,19 +23,22 @@ def version() -> str:
     return _version("kinetic-solver")
 
 
-def attributes(scene: Scene, method: str) -> dict[str, str | float]:
+def attributes(scene: Scene, method: str) -> dict[str, str | np.int32]:
     """Provenance: the scene as one JSON text, version, command, seed, packages."""
+    command = " ".join([Path(sys.argv[0]).name, *sys.argv[1:]]).encode(errors="replace").decode()
+    created = datetime.now(UTC).isoformat(timespec="seconds")
     return {
-        "Conventions": "CF-1.11",
         "title": "One-dimensional kinetic equation with friction, noise and collisions",
         "method": method,
         "scene": scene.model_dump_json(by_alias=True, exclude_none=True),
         "source": f"kinetic-solver {version()}",
         "version": version(),
-        "command": " ".join([Path(sys.argv[0]).name, *sys.argv[1:]]).encode(errors="replace").decode(),
-        "seed": scene.particles.seed,
+        "command": command,
+        # In a classic file, which has no longer whole numbers: a longer seed as text.
+        "seed": np.int32(seed) if (seed := scene.particles.seed) < 2**31 else str(seed),
         "packages": json.dumps({name: _version(name) for name in PACKAGES}),
-        "created": datetime.now(UTC).isoformat(timespec="seconds"),
+        "created": created,
+        "history": f"{created} {command}",
     }
 
 

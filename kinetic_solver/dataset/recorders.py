@@ -25,12 +25,14 @@ from kinetic_solver.dataset.schema import (
     RUNNING,
     STATUS_ATTRIBUTES,
     STOPPED,
+    TIME_ATTRIBUTES,
     VARIABLES,
     Frame,
     Variables,
     bounds,
     coordinates,
 )
+from kinetic_solver.dataset.units import conventions, name_units, unit_in
 from kinetic_solver.errors import OutputFailed, RunUnfinished, SceneError, SolverStopped
 from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.scene import Scene, Schedule
@@ -67,6 +69,11 @@ def recording(recorder: Recorder) -> Iterator[None]:
         if isinstance(stop, SolverStopped) and isinstance(recorder, MemoryRecorder):
             stop.dataset = recorder.dataset()
         raise
+
+
+def _numbers(name: str) -> dict[str, str]:
+    """Attributes of a coordinate that counts."""
+    return {"long_name": f"number of the {name}", "units": "1"}
 
 
 class MemoryRecorder:
@@ -116,10 +123,11 @@ class MemoryRecorder:
             data[name] = ((dimension, "bounds"), values)
         data["status"] = ((), np.int8(self._status), STATUS_ATTRIBUTES)
         axes: dict[str, Any] = dict(coordinates(self.grid))
-        axes.update({name: (name, values) for name, values in self._more.items()})
+        axes.update({name: (name, values, _numbers(name)) for name, values in self._more.items()})
         for name, times in self._times.items():
-            axes[name] = (name, np.array(times), {"long_name": "time", "units": "time", "axis": "T"})
+            axes[name] = (name, self.scene.initial.time + np.array(times), TIME_ATTRIBUTES)
         dataset = xr.Dataset(data, axes, attributes(self.scene, self.method) | self._notes)
+        name_units(dataset, self.scene)
         dataset.attrs.update(self._last)
         return dataset
 
@@ -171,9 +179,10 @@ class NetCDFRecorder:
         except OSError as error:
             raise SceneError(f"{self.path}: cannot be continued ({error.strerror})") from None
         self._named = True
+        began = self._scene.initial.time
         for dimension in self._count:
             times = np.ma.filled(self._file[dimension][:], np.inf)
-            self._count[dimension] = int((times <= after * (1 + 1e-12)).sum())
+            self._count[dimension] = int((times - began <= after * (1 + 1e-12) + 1e-12 * abs(began)).sum())
         for group, dimension in self._dimensions.items():
             if self._count[dimension] != int((self._schedule.of_group(group) <= after * (1 + 1e-12)).sum()):
                 self._file.close()
@@ -191,16 +200,18 @@ class NetCDFRecorder:
             self._file = out = netCDF4.Dataset(self._part, "w", format="NETCDF3_64BIT_DATA")
         except OSError as error:
             raise SceneError(f"{self.path}: cannot be created ({error.strerror})") from None
-        out.setncatts({**attributes(scene, method), **self._notes, "room": " " * ROOM})
+        out.setncatts({**attributes(scene, method), **conventions(scene), **self._notes, "room": " " * ROOM})
         for name, size in (("x", grid.nx), ("v", grid.nv), ("bounds", 2)):
             out.createDimension(name, size)
         for name, (dimension, values, attrs) in coordinates(grid).items():
             variable = out.createVariable(name, "f8", (dimension,))
-            variable.setncatts(attrs)
+            variable.setncatts({**attrs, "units": unit_in(scene, attrs["units"])})
             variable[:] = values
         for name, values in self._more.items():
             out.createDimension(name, values.size)
-            out.createVariable(name, "i4", (name,))[:] = values
+            variable = out.createVariable(name, "i4", (name,))
+            variable.setncatts(_numbers(name))
+            variable[:] = values
         for name, (dimension, values) in bounds(grid).items():
             out.createVariable(name, "f8", (dimension, "bounds"))[:] = values
         status = out.createVariable("status", "i1", ())
@@ -211,12 +222,12 @@ class NetCDFRecorder:
                 times = None if dimension == "time" else self._schedule.of_group(group)
                 out.createDimension(dimension, None if times is None else len(times))
                 variable = out.createVariable(dimension, "f8", (dimension,))
-                variable.setncatts({"long_name": "time", "units": "time", "axis": "T"})
+                variable.setncatts({**TIME_ATTRIBUTES, "units": unit_in(scene, TIME_ATTRIBUTES["units"])})
                 if times is not None:
-                    variable[:] = times
+                    variable[:] = scene.initial.time + times
             for name, (dims, units, long_name) in self._variables[group].items():
                 variable = out.createVariable(name, "f8", (dimension, *dims), fill_value=np.nan)
-                variable.setncatts({"long_name": long_name, "units": units})
+                variable.setncatts({"long_name": long_name, "units": unit_in(scene, units)})
         out.sync()
         # The room stays: where the data begin has been settled (tests/faults/test_files.py).
         out.delncattr("room")
@@ -238,7 +249,7 @@ class NetCDFRecorder:
                     for name, value in values.items():
                         self._file[name][index] = value
             # The time comes last: a frame has a time only once it is whole.
-            self._file[dimension][index] = time
+            self._file[dimension][index] = self._scene.initial.time + time
             self._count[dimension] = index + 1
         self._sync()
         if not self._named:

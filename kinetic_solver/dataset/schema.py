@@ -72,6 +72,10 @@ STATUS_ATTRIBUTES = {
 }
 
 
+TIME_ATTRIBUTES = {"long_name": "time", "units": "time"}
+"""Without axis = "T": CF keeps that for times since a date, and this is the time since a start."""
+
+
 def coordinates(grid: PhaseSpaceGrid) -> dict[str, tuple[str, np.ndarray, dict[str, str]]]:
     return {
         "x": ("x", grid.x, {"long_name": "position", "units": "length", "axis": "X", "bounds": "x_bounds"}),

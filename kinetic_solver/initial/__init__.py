@@ -12,7 +12,7 @@ from kinetic_solver.initial.fields import (
     start_state,
     temperature,
 )
-from kinetic_solver.initial.from_file import file_grid, from_file
+from kinetic_solver.initial.from_file import file_grid, file_notes, from_file
 from kinetic_solver.initial.given import Given, GivenStart, notes_of, recorded, take
 from kinetic_solver.initial.start import Gaussians, SceneStart, Start
 from kinetic_solver.initial.state import distribution, initial_state, maxwellian
@@ -32,6 +32,7 @@ __all__ = [
     "eigenmode_shapes",
     "eigenmode_state",
     "file_grid",
+    "file_notes",
     "from_file",
     "initial_state",
     "maxwellian",

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+import dataclasses
+import warnings
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,6 +12,7 @@ import numpy as np
 from kinetic_solver.arrays import Array
 from kinetic_solver.dataset import open_netcdf
 from kinetic_solver.errors import SceneError
+from kinetic_solver.initial.coordinates import Points, uniform_points
 from kinetic_solver.scene import Scene
 
 if TYPE_CHECKING:
@@ -21,70 +23,107 @@ SAME_PLACE = 1e-9
 
 
 def from_file(scene: Scene, x: Array, v: Array) -> Array:
-    """The last complete f(x, v) of the netCDF file `initial.file`, which has f(time, x, v) or f(x, v), on the points x, v.
+    """The last f(x, v) of the netCDF file `initial.file`, on the points x, v.
 
-    In x, of which the file may have any uniform points of one period, the trigonometric interpolant, in v a cubic spline, zero
-    outside the file's window; both exact where the points agree.
-    Raises SceneError where the file has no such f, or another period.
+    In x, of which the file may have any points of one period, the trigonometric interpolant, in v a cubic spline, zero outside
+    the file's window; both exact where the points agree. Raises SceneError as `read_state`.
     """
     from scipy.interpolate import make_interp_spline
 
-    path = scene.initial.file
-    with _opened(scene) as data:
-        f, old_x, old_v = data["f"].values, data["x"].values, data["v"].values
-    if f.ndim == 2:
-        f = f[None]
-    complete = f[np.isfinite(f).all(axis=(1, 2))]
-    if not len(complete):
-        raise SceneError(f"initial.file = {path!r}: has no complete frame of f")
-    state = complete[-1]
+    there, length = read_state(scene), scene.pipe.length
+    state, old_v = there.f, there.v
     if not (old_v.shape == v.shape and np.allclose(old_v, v, rtol=1e-12, atol=1e-12 * (v[-1] - v[0]))):
         inside = (v >= old_v[0]) & (v <= old_v[-1])
         spline = make_interp_spline(old_v, state, k=3, axis=1)
         state = np.where(inside, spline(np.clip(v, old_v[0], old_v[-1])), 0.0)
-    shifted = abs(old_x[0]) > SAME_PLACE * scene.pipe.length
-    if old_x.size != x.size or shifted:
-        spectrum = np.fft.rfft(state, axis=0) / old_x.size
-        if old_x.size % 2 == 0 and x.size > old_x.size:
+    old_nx = state.shape[0]
+    shifted = abs(there.first) > SAME_PLACE * length
+    if old_nx != x.size or shifted:
+        spectrum = np.fft.rfft(state, axis=0) / old_nx
+        if old_nx % 2 == 0 and x.size > old_nx:
             spectrum[-1] /= 2  # the wave that changes sign from point to point stands for two
         if shifted:
-            spectrum *= np.exp(-2j * np.pi / scene.pipe.length * old_x[0] * np.arange(spectrum.shape[0]))[:, None]
+            spectrum *= np.exp(-2j * np.pi / length * there.first * np.arange(spectrum.shape[0]))[:, None]
         kept = min(spectrum.shape[0], x.size // 2 + 1)
         state = np.fft.irfft(spectrum[:kept] * x.size, n=x.size, axis=0)
     return np.ascontiguousarray(state)
 
 
 def file_grid(scene: Scene) -> tuple[int, int, float, float]:
-    """(nx, nv, low, high) of `initial.file`: the grid on which a run continues it without interpolation."""
-    with _opened(scene) as data:
-        v = data["v"].values
-        half = (v[-1] - v[0]) / (v.size - 1) / 2
-        return int(data.sizes["x"]), int(v.size), float(v[0] - half), float(v[-1] + half)
+    """(nx, nv, low, high): the grid on which a run continues `initial.file` without interpolation.
+
+    Warns of what had to be changed of the file. Raises SceneError as `read_state`.
+    """
+    there = read_state(scene)
+    for text in there.changed:
+        warnings.warn(f"initial.file = {scene.initial.file!r}: {text}", stacklevel=2)
+    v = there.v
+    half = (v[-1] - v[0]) / (v.size - 1) / 2
+    return there.f.shape[0], v.size, float(v[0] - half), float(v[-1] + half)
 
 
-def _period(data: xr.Dataset, where: str) -> float:
-    """Of the cells' bounds, or else of the uniform points of which there are two or more."""
-    if "x_bounds" in data:
-        bounds = data["x_bounds"].values
-        return float(bounds[-1, 1] - bounds[0, 0])
-    x = data["x"].values
-    if x.size < 2 or not np.allclose(np.diff(x), (x[-1] - x[0]) / (x.size - 1), rtol=1e-6, atol=0.0):
-        raise SceneError(f"{where}: its x is not uniform; allowed: two or more places, equally far apart, over one period")
-    return float((x[-1] - x[0]) * x.size / (x.size - 1))
+def file_notes(scene: Scene) -> list[str]:
+    """What is read of `initial.file`, and what is done with it, in words."""
+    there = read_state(scene)
+    return [*there.exact, *there.changed]
 
 
-@contextmanager
-def _opened(scene: Scene) -> Iterator[xr.Dataset]:
-    """`initial.file`, which holds an f of the scene's period."""
-    path = scene.initial.file
+def read_state(scene: Scene) -> Points:
+    """The last f(x, v) that the file has, with or without a dimension `time…`, its dimensions in any order.
+
+    Raises SceneError where the file has no f(x, v) of the scene's period, and where that f is not finite, or negative by more
+    than accuracy.rtol of its maximum.
+    """
+    path, rtol = scene.initial.file, scene.accuracy.rtol
     assert path is not None
     where = f"initial.file = {path!r}"
+    if Path(path).suffix.lower() == ".csv":
+        raise SceneError(f"{where}: is a table of particles; allowed for the grid: f(x, v) in a netCDF file")
     with open_netcdf(path, where) as data:
-        if "f" not in data or data["f"].dims not in (("time", "x", "v"), ("x", "v")):
-            raise SceneError(f"{where}: has no f(time, x, v) or f(x, v); the grid method starts from nothing else")
+        if "f" not in data or {str(d) for d in data["f"].dims if not str(d).startswith("time")} != {"x", "v"}:
+            raise SceneError(
+                f"{where}: has no f(time, x, v) or f(x, v); the grid method starts from nothing else (its variables: "
+                f"{', '.join(map(str, list(data.data_vars)[:8])) or 'none'})"
+            )
         if missing := [name for name in ("x", "v") if name not in data.coords]:
             raise SceneError(f"{where}: f has no coordinate {missing[0]}; allowed: the places and velocities of its points")
-        period = _period(data, where)
-        if not np.isclose(period, scene.pipe.length, rtol=1e-9):
-            raise SceneError(f"{where}: its period is {period:.10g}, the scene's {scene.pipe.length:.10g}")
-        yield data
+        f, exact, changed = _last(data["f"], where)
+        bounds = data["x_bounds"].values if "x_bounds" in data and data["x_bounds"].ndim == 2 else None
+        found = uniform_points(f, data["x"].values, data["v"].values, bounds, scene.pipe.length, rtol, where)
+    least, most = float(found.f.min()), float(found.f.max())
+    if not most > 0:
+        raise SceneError(f"{where}: its f is nowhere positive; allowed: some f > 0")
+    if least < -rtol * most:
+        raise SceneError(
+            f"{where}: its f is negative, {-least / most:.2g} of its maximum; allowed: 0 or more, but for "
+            f"accuracy.rtol = {rtol:g}"
+        )
+    return dataclasses.replace(found, exact=(*exact, *found.exact), changed=(*changed, *found.changed))
+
+
+def _last(f: xr.DataArray, where: str) -> tuple[Array, list[str], list[str]]:
+    """(f (x, v) of the last frame that is there, what was read in words, what was left out). A run that was stopped leaves NaN in
+    the frames to come, and those alone are passed over."""
+    if f.dtype.kind not in "fiu":
+        raise SceneError(f"{where}: its f is of type {f.dtype}; allowed: real numbers")
+    times = [dim for dim in f.dims if str(dim).startswith("time")]
+    if len(times) > 1:
+        raise SceneError(f"{where}: its f has dimensions {', '.join(map(str, f.dims))}; allowed: one time, x and v")
+    frames = f.transpose(*times, "x", "v")
+    count = frames.sizes[times[0]] if times else 1
+    for n in reversed(range(count)):
+        frame = frames.isel({times[0]: n}) if times else frames
+        values = np.asarray(frame.values, dtype=float)
+        finite = np.isfinite(values)
+        if not finite.any():
+            continue
+        at = f", t = {float(f[times[0]][n]):g}" if times and times[0] in f.coords and f[times[0]].dtype.kind in "fiu" else ""
+        name = f"frame {n + 1} of {count}{at}" if times else "f"
+        if not finite.all():
+            raise SceneError(
+                f"{where}: {name} is not finite at {int((~finite).sum())} of its points; allowed: numbers, or a file that ends "
+                "with an earlier frame"
+            )
+        late = [f"starts from {name}: the later ones are empty"] if n < count - 1 else []
+        return values, [] if late or not times else [f"read {name}"], late
+    raise SceneError(f"{where}: has no frame of f with numbers in it")

@@ -46,10 +46,10 @@ def take(scene: Scene, given: Given) -> tuple[Scene, GivenStart]:
     Raises SceneError where [initial] says anything, and where f has not the shape of x and v, is not finite, is negative,
     does not end in v, or is not resolved by any reasonable number of points.
     """
-    if said := sorted(key for key in scene.initial.model_fields_set if getattr(scene.initial, key) not in (None, ())):
+    if said := sorted(key for key in scene.initial.model_fields_set - {"time"} if getattr(scene.initial, key) not in (None, ())):
         raise SceneError(
             f"initial.{said[0]}: is given together with an f(x, v) of one's own, which is taken as it is; allowed: neither this "
-            "nor any other key of [initial]"
+            "nor any other key of [initial] but time"
         )
     length, rtol = scene.pipe.length, scene.accuracy.rtol
     if not (hasattr(given, "dims") and hasattr(given, "name")):
@@ -73,7 +73,10 @@ def take(scene: Scene, given: Given) -> tuple[Scene, GivenStart]:
 
 def recorded(scene: Scene, start: Start) -> Scene:
     """The scene that a dataset says that it is of: with the means of a start that was given."""
-    return scene.model_copy(update={"initial": start.means}) if isinstance(start, GivenStart) else scene
+    if not isinstance(start, GivenStart):
+        return scene
+    means = start.means.model_copy(update={"time": scene.initial.time}) if scene.initial.time else start.means
+    return scene.model_copy(update={"initial": means})
 
 
 def notes_of(start: Start | None) -> dict[str, str]:

@@ -8,6 +8,7 @@ particles). Symbols and conventions: docs/theory.md; equation numbers are those 
 from kinetic_solver.scene.initial import Beam, Initial, Mode, Modes, Pulse, fourier_sum
 from kinetic_solver.scene.scene import Groups, Scene, check_is_scene
 from kinetic_solver.scene.schedule import Schedule
+from kinetic_solver.scene.shipped import shipped
 from kinetic_solver.scene.tables import (
     FOLLOW_LEADER,
     INELASTIC,
@@ -48,5 +49,6 @@ __all__ = [
     "fourier_sum",
     "one_line",
     "parse_override",
+    "shipped",
     "shorten",
 ]

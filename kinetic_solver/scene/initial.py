@@ -125,7 +125,10 @@ class Initial(Table):
     eigenmodes: tuple[Eigenmode, ...] = ()
     """Eigenmodes on the homogeneous state, instead of all the above but `density`."""
     file: str | None = None
-    """A netCDF file to start from, instead of all the above (density still sets the scene's groups)."""
+    """A file to start from, instead of all the above (density still sets the scene's groups): f(x, v) or particles in netCDF,
+    particles in CSV."""
+    time: Real = 0.0
+    """What the clock says at the start: written times go on from here. For a run from another's last frame, its time."""
 
     @property
     def density_modes(self) -> Modes:
@@ -144,7 +147,7 @@ class Initial(Table):
         if self.step is not None and self.step.ratio == 0 and self.step.end - self.step.start == 1:
             raise ValueError("step from = 0, to = 1, ratio = 0 leaves no particles; allowed: ratio > 0, or a part of the pipe")
         if self.eigenmodes:
-            clash = self._given({"eigenmodes", "density"})
+            clash = self._given({"eigenmodes", "density", "time"})
             if clash:
                 raise ValueError(f"eigenmodes are given together with {', '.join(clash)}; allowed: with density alone")
         if (low := 1 + _minimum(self.density_modes)) < -1e-12:
@@ -163,7 +166,7 @@ class Initial(Table):
             if not abs(total - 1) <= 1e-9:
                 raise ValueError(f"beams: the shares add up to {total:.10g}; allowed: 1")
         if self.file is not None:
-            clash = self._given({"file", "density"})
+            clash = self._given({"file", "density", "time"})
             if clash:
                 raise ValueError(f"file is given together with {', '.join(clash)}; a file replaces them")
         return self

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic import model_validator
+from pydantic import BaseModel, model_validator
 
 from kinetic_solver.arrays import Array
 from kinetic_solver.errors import SceneError
@@ -29,10 +29,11 @@ from kinetic_solver.scene.tables import (
     Pipe,
     Run,
     Table,
+    Units,
 )
 
 
-class Groups(Table):
+class Groups(BaseModel, frozen=True):
     """The dimensionless groups of a scene."""
 
     collision_number: float
@@ -64,6 +65,7 @@ class Scene(Table):
     grid: Grid = Grid()
     particles: Particles = Particles()
     hydrodynamics: Hydrodynamics = Hydrodynamics()
+    units: Units | None = None
 
     @model_validator(mode="after")
     def _cadences_are_countable(self) -> Scene:

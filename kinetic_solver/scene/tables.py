@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import difflib
 import warnings
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
@@ -24,6 +24,8 @@ SteppingScheme = Literal["exact", "extrapolated", "strang"]
 DriftDiffusionScheme = Literal["kernel", "finite-volume-8", "finite-volume"]
 Deposit = Literal["linear", "cubic", "quintic"]
 
+LARGEST = 1e100
+"""Of any number, and one over it the least: third powers of such numbers are numbers still."""
 Real = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Positive = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0)]
 NonNegative = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0)]
@@ -32,10 +34,17 @@ ModeNumber = Annotated[int, Field(strict=True, ge=1, le=10_000)]
 Fraction = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0, le=1)]
 
 
+LONGEST_SHOWN = 60
+"""Characters of what was given that a message repeats."""
+
+
 def shorten(value: Any) -> str:
     """repr, cut to the length of a message."""
-    text = repr(value)
-    return text if len(text) <= 60 else text[:57] + "..."
+    try:
+        text = repr(value)
+    except RecursionError:
+        return "(tables or lists hundreds deep)"
+    return text if len(text) <= LONGEST_SHOWN else text[: LONGEST_SHOWN - 3] + "..."
 
 
 class Table(BaseModel):
@@ -47,13 +56,35 @@ class Table(BaseModel):
     @classmethod
     def _refuse_unknown_keys(cls, data: Any) -> Any:
         if isinstance(data, dict):
-            known = {field.alias or name for name, field in cls.model_fields.items()} | set(cls.model_fields)
+            known = _names(cls)
             for key in data:
                 if key not in known:
-                    near = difflib.get_close_matches(str(key), sorted(known), n=1, cutoff=0.5)
-                    hint = f"did you mean {near[0]!r}?" if near else "allowed: " + ", ".join(sorted(known))
-                    raise ValueError(f"unknown key {key!r} = {shorten(data[key])}; {hint}")
+                    raise ValueError(f"unknown key {shorten(key)} = {shorten(data[key])}; {_hint(cls, str(key), known)}")
         return data
+
+    @field_validator("*", mode="after")
+    @classmethod
+    def _refuse_extreme_numbers(cls, value: Any) -> Any:
+        for number in value if isinstance(value, tuple) else (value,):
+            if isinstance(number, float) and number != 0 and not 1 / LARGEST <= abs(number) <= LARGEST:
+                raise ValueError(
+                    f"{number:g} is too {'large' if abs(number) > 1 else 'small'}; allowed: {1 / LARGEST:g} to {LARGEST:g}"
+                )
+        return value
+
+
+def _names(table: type[Table]) -> set[str]:
+    return {field.alias or name for name, field in table.model_fields.items()} | set(table.model_fields)
+
+
+def _hint(table: type[Table], key: str, known: set[str]) -> str:
+    """The key that may have been meant: one of this name in a table below, or one with nearly this name."""
+    for name, field in table.model_fields.items():
+        for part in (field.annotation, *get_args(field.annotation)):
+            if isinstance(part, type) and issubclass(part, Table) and key in _names(part):
+                return f"did you mean '{name}.{key}'?"
+    near = difflib.get_close_matches(key, sorted(known), n=1, cutoff=0.5) if len(key) <= LONGEST_SHOWN else []
+    return f"did you mean {near[0]!r}?" if near else "allowed: " + ", ".join(sorted(known))
 
 
 class Model(Table):
@@ -90,8 +121,23 @@ class Pipe(Table):
     """L, the period of the pipe [length]."""
 
 
+UnitName = Annotated[str, Field(strict=True, pattern=r"^([A-Za-zµμΩ°]+|1)$", max_length=30)]
+
+
+class Units(Table):
+    """What the scene's units are called, as in UDUNITS: names for files alone, no number depends on them."""
+
+    length: UnitName
+    """"m", say."""
+    time: UnitName
+    """"s", say."""
+    number: UnitName = "1"
+    """Of particles: "1" for plain numbers."""
+
+
 class Run(Table):
     end_time: Positive
+    """Since the start, whatever `initial.time` is."""
     output_every: Positive | None = None
     """Frames at 0, every output_every, and end_time; None means end_time."""
 
@@ -173,8 +219,8 @@ class Grid(Table):
 class Hydrodynamics(Table):
     """The hydrodynamic method."""
 
-    moments: Annotated[int, Field(strict=True, ge=3)] | None = None
-    """Of the Hermite hierarchy; None for the closure (3)-(5) of the paper."""
+    moments: Annotated[int, Field(strict=True, ge=3, le=1000)] | None = None
+    """Of the Hermite hierarchy, whose steps are matrices of this size; None for the closure (3)-(5) of the paper."""
 
 
 class Particles(Table):

@@ -38,9 +38,16 @@ def test_f_without_a_time(make_scene: MakeScene, tmp_path: Path, first: float, p
     [
         (lambda f: f.rename(x="place"), r"has no f\(time, x, v\) or f\(x, v\)"),
         (lambda f: f.drop_vars("x"), "f has no coordinate x"),
-        (lambda f: f.assign_coords(x=f["x"] ** 2), "its x is not uniform"),
+        (lambda f: f.assign_coords(x=f["x"] ** 2), r"its uneven places lie from 0 to 62\.0156, which does not fit one period"),
+        (lambda f: f.assign_coords(x=f["x"] * 0.7 + 0.01 * f["x"] ** 2), "its uneven places lie from 0 to"),
+        (lambda f: f.assign_coords(x=f["x"].where(f["x"] != 2.25, np.nan)), "its coordinate x is not finite at 1 of its points"),
+        (lambda f: f.assign_coords(v=abs(f["v"])), "its v goes neither up nor down all the way"),
         (lambda f: f.assign_coords(x=2 * f["x"]), "its period is 18, the scene's 9"),
-        (lambda f: f.where(f["v"] < 2), "has no complete frame of f"),
+        (lambda f: f.where(f["v"] < 2), "f is not finite at 152 of its points; allowed: numbers"),
+        (lambda f: f * np.nan, "has no frame of f with numbers in it"),
+        (lambda f: -f, "its f is nowhere positive"),
+        (lambda f: f - 0.05 * f.max(), r"its f is negative, 0\.053 of its maximum; allowed: 0 or more, but for accuracy.rtol"),
+        (lambda f: f.isel(v=[0, 1]), "has 2 velocities; allowed: 4 or more"),
     ],
 )
 def test_what_is_refused(make_scene: MakeScene, tmp_path: Path, change: Callable[[xr.Dataset], xr.Dataset], message: str) -> None:

@@ -135,7 +135,7 @@ def test_a_time_step_too_short_for_dv_is_said_once(make_scene: MakeScene) -> Non
         (None, "is not a readable netCDF file"),
         ("no f", "has no f"),
         ("another period", "its period is"),
-        ("no frame", "has no complete frame"),
+        ("no frame", "has no frame of f with numbers in it"),
     ],
 )
 def test_start_files_that_cannot_be_used(make_scene: MakeScene, tmp_path: Any, content: str | None, message: str) -> None:

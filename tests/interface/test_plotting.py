@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from kinetic_solver import Scene, SceneError, solve
-from kinetic_solver.analysis.plotting import _fine_v, _fine_x, _frames, overview
+from kinetic_solver.analysis.plotting import _fine_v, _fine_x, _frames, _some, overview
+from kinetic_solver.dataset import open_run, write_dataset
 
 MakeScene = Callable[..., Scene]
 
@@ -67,3 +69,31 @@ def test_a_file_without_the_fields_is_refused(make_scene: MakeScene) -> None:
     run = solve(make_scene(output={"moments": False}))
     with pytest.raises(SceneError, match=r"output\.moments = true"):
         overview(run)
+
+
+def test_the_cost_goes_with_the_picture(make_scene: MakeScene, tmp_path: Path) -> None:
+    """Of 5001 frames a thousand rows are drawn, at the times at which they were, and no field over x and v is read as a whole."""
+    few = solve(
+        make_scene(run={"end_time": 1.0, "output_every": 0.25}, grid={"nx": 15, "nv": 40, "velocity_window": (-6.0, 8.0)})
+    )
+    times = np.linspace(0, 1, 5001)
+    many = few[["density", "velocity_distribution", "f"]].interp(time=times).assign_attrs(few.attrs)
+    write_dataset(many, tmp_path / "many.nc")
+    with open_run(tmp_path / "many.nc") as run:
+        figure = overview(run)
+        assert not run["f"].variable._in_memory
+        assert not run["velocity_distribution"].variable._in_memory
+        mesh = next(axes for axes in figure.axes if axes.get_title() == "density ρ(x, t)").collections[0]
+        shown = mesh.get_coordinates()[:, 0, 1]
+        assert mesh.get_coordinates().shape == (1000, 241, 2)
+        assert np.isin(shown, times).all()
+        assert (shown[0], shown[-1]) == (0.0, 1.0)
+        assert np.diff(shown).max() < 1.3e-3
+        drawn = np.asarray(mesh.get_array()).reshape(1000, 241)[371, :-1:16]
+        assert drawn == pytest.approx(run["density"].values[int(np.searchsorted(times, shown[371]))], abs=1e-12)
+
+
+def test_some_of_many() -> None:
+    assert _some(3, 10).tolist() == [0, 1, 2]
+    assert _some(1, 10).tolist() == [0]
+    assert _some(11, 3).tolist() == [0, 5, 10]

@@ -22,7 +22,7 @@ NO_START: dict[str, Any] = {"modes": []}
 @pytest.fixture
 def cloud(tmp_path: Path) -> tuple[Path, np.ndarray, np.ndarray]:
     rng = np.random.default_rng(4)
-    x, v = rng.uniform(-20, 20, (2, 500)), rng.normal(2.0, 0.7, (2, 500))
+    x, v = rng.uniform(0, 9, (2, 500)), rng.normal(2.0, 0.7, (2, 500))
     path = tmp_path / "cloud.nc"
     xr.Dataset({"x": (("replica", "particle"), x), "v": (("replica", "particle"), v)}).to_netcdf(path)
     return path, x, v
@@ -39,9 +39,17 @@ def test_a_start_from_a_file(make_scene: MakeScene, cloud: tuple[Path, np.ndarra
     plan = make_plan(from_file(make_scene, path))
     assert (plan.scene.particles.count, plan.scene.particles.replicas) == (500, 2)
     state = Simulation(plan).state()
-    assert state["x"] == pytest.approx(np.mod(x, 9.0), abs=1e-14)
+    assert np.array_equal(state["x"], x)
     assert np.array_equal(state["v"], v)
     assert plan.grid.low < v.mean() - 3 < v.mean() + 3 < plan.grid.high
+
+
+def test_positions_outside_the_pipe_are_wrapped_and_that_is_said(make_scene: MakeScene, tmp_path: Path) -> None:
+    x, v = np.array([-0.5, 3.0, 9.0, 20.0]), np.array([0.3, -0.2, 0.1, 0.4])
+    xr.Dataset({"x": ("n", x), "v": ("n", v)}).to_netcdf(tmp_path / "far.nc")
+    with pytest.warns(UserWarning, match=r"far.nc': 3 of its 4 positions lie outside \[0, pipe.length = 9\): taken modulo"):
+        plan = make_plan(from_file(make_scene, tmp_path / "far.nc"))
+    assert Simulation(plan).state()["x"].tolist() == [[8.5, 3.0, 0.0, 2.0]]
 
 
 def test_one_replica_starts_them_all(make_scene: MakeScene, cloud: tuple[Path, np.ndarray, np.ndarray]) -> None:
@@ -97,8 +105,11 @@ def test_what_is_no_file_of_particles(make_scene: MakeScene, tmp_path: Path) -> 
     with pytest.raises(SceneError, match="has no positions and velocities"):
         make_plan(from_file(make_scene, grid))
     xr.Dataset({"x": ("n", [0.1, np.nan]), "v": ("n", [0.0, 1.0])}).to_netcdf(lost := tmp_path / "lost.nc")
-    with pytest.raises(SceneError, match="are not finite"):
+    with pytest.raises(SceneError, match="its positions or velocities are not finite for 1 of 2 particles"):
         make_plan(from_file(make_scene, lost))
+    xr.Dataset({"place": ("n", [0.1, 0.2]), "speed": ("n", [0.0, 1.0])}).to_netcdf(misspelt := tmp_path / "misspelt.nc")
+    with pytest.raises(SceneError, match=r"read are position and velocity, or x and v, both .*: place, speed"):
+        make_plan(from_file(make_scene, misspelt))
 
 
 def test_the_replicas_may_come_last(make_scene: MakeScene, cloud: tuple[Path, np.ndarray, np.ndarray]) -> None:
