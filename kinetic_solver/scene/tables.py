@@ -9,7 +9,7 @@ import difflib
 import warnings
 from typing import Annotated, Any, Literal, get_args
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
 
 MOST_FRAMES = 1_000_000
 """Of any cadence: more are asked for by a slip of the pen."""
@@ -25,7 +25,7 @@ DriftDiffusionScheme = Literal["kernel", "finite-volume-8", "finite-volume"]
 Deposit = Literal["linear", "cubic", "quintic"]
 
 LARGEST = 1e100
-"""Of any number, and one over it the least: third powers of such numbers are numbers still."""
+"""Of any number, and one over it the least of those that must be above 0: third powers of such numbers are numbers still."""
 Real = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Positive = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0)]
 NonNegative = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0)]
@@ -64,13 +64,22 @@ class Table(BaseModel):
 
     @field_validator("*", mode="after")
     @classmethod
-    def _refuse_extreme_numbers(cls, value: Any) -> Any:
+    def _refuse_extreme_numbers(cls, value: Any, info: ValidationInfo) -> Any:
         for number in value if isinstance(value, tuple) else (value,):
-            if isinstance(number, float) and number != 0 and not 1 / LARGEST <= abs(number) <= LARGEST:
-                raise ValueError(
-                    f"{number:g} is too {'large' if abs(number) > 1 else 'small'}; allowed: {1 / LARGEST:g} to {LARGEST:g}"
-                )
+            if not isinstance(number, float) or number == 0:
+                continue
+            field = cls.model_fields[str(info.field_name)]
+            least = 1 / LARGEST if _above_zero(field) or _above_zero(field.annotation) else 0.0
+            if not least <= abs(number) <= LARGEST:
+                wrong = "large" if abs(number) > 1 else "small"
+                raise ValueError(f"{number:g} is too {wrong}; allowed: {least:g} to {LARGEST:g}")
         return value
+
+
+def _above_zero(kind: Any) -> bool:
+    """Whether a field, or a type as annotated, takes only numbers above 0."""
+    parts = (*get_args(kind), *getattr(kind, "metadata", ()))
+    return getattr(kind, "gt", None) == 0 or any(_above_zero(part) for part in parts)
 
 
 def _names(table: type[Table]) -> set[str]:

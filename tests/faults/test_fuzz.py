@@ -87,15 +87,21 @@ def describe(files: Path, scene: bytes, *arguments: str) -> str:
         (b'end_times = "' + b"k" * 10**6 + b'"', "run: unknown key 'end_times' = 'kkkkkkkkkkkkkk"),
         (b"output_every = " + b"9" * 5000, "not valid TOML: Exceeds the limit"),
         (b"output_every = 1e-200", "run.output_every: 1e-200 is too small; allowed: 1e-100 to 1e+100"),
-        (b"[model]\ngravity = -1e200", "model.gravity: -1e+200 is too large; allowed: 1e-100 to 1e+100"),
+        (b"[model]\ngravity = -1e200", "model.gravity: -1e+200 is too large; allowed: 0 to 1e+100"),
+        (b"[particles]\ntime_step = 1e-101", "particles.time_step: 1e-101 is too small; allowed: 1e-100 to 1e+100"),
         (b"[hydrodynamics]\nmoments = 5000000", "hydrodynamics.moments = 5000000: input should be less than or equal to 1000"),
     ],
-    ids=["lists", "keys", "tables", "a long key", "a long text", "digits", "small", "large", "moments"],
+    ids=["lists", "keys", "tables", "a long key", "a long text", "digits", "small", "large", "a short step", "moments"],
 )
 def test_scenes_beyond_all_measure(files: Path, added: bytes, message: str) -> None:
     said = describe(files, SCENE.encode() + added)
     assert message in said
     assert len(said) < 400
+
+
+def test_numbers_that_may_be_0_may_be_small(make_scene: MakeScene) -> None:
+    collisions = {"operator": "inelastic", "cross_section": 1e-200, "restitution": 1e-158}
+    assert make_scene(collisions=collisions, model={"gravity": -1e-300}).restitution == 1e-158
 
 
 @pytest.mark.parametrize(
