@@ -56,10 +56,11 @@ def shortest_exact_step(scales: Scales, waves: Waves, grid: PhaseSpaceGrid) -> f
 
 
 def longest_strang_step(scales: Scales, waves: Waves) -> Criterion:
-    """At which Strang's splitting errs by rtol, and no longer than the time in which its parts fail to commute."""
+    """At which Strang's splitting errs by RULE_SHARE of rtol, and no longer than the time in which its parts fail to commute."""
     coefficient, rate = strang_coefficient(scales), commutation_rate(scales, waves)
-    h = min(1.0, math.sqrt(scales.rtol / coefficient)) / rate
-    return Criterion(min(h, scales.end), f"splitting error {coefficient:.2g} (rate h)² = rtol, rate = {rate:.3g}")
+    share = measured.RULE_SHARE
+    h = min(1.0, math.sqrt(share * scales.rtol / coefficient)) / rate
+    return Criterion(min(h, scales.end), f"splitting error {coefficient:.2g} (rate h)² = {share:g} rtol, rate = {rate:.3g}")
 
 
 def strang_error(scales: Scales, waves: Waves, h: float) -> float:

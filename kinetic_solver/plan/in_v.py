@@ -127,12 +127,12 @@ def exact_step_spacing(scales: Scales, waves: Waves, h: float) -> float:
 
 
 def finite_volumes(scales: Scales, name: DriftDiffusionScheme) -> float:
-    """The dv at which the finite volumes' error is rtol."""
+    """The dv at which the finite volumes' error is RULE_SHARE of rtol."""
     coefficient, order = measured.FINITE_VOLUME_ERROR[name]
     coefficient *= tail_weight(scales) * min(1.0, measured.SATURATED * scales.scene.model.friction * scales.end)
     if order == 8:
         coefficient *= _off_equilibrium(scales)
-    return math.sqrt(scales.scene.model.noise) * (scales.rtol / coefficient) ** (1 / order)
+    return math.sqrt(scales.scene.model.noise) * (measured.RULE_SHARE * scales.rtol / coefficient) ** (1 / order)
 
 
 def finite_volumes_for_weak_noise(scales: Scales) -> float:

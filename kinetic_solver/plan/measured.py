@@ -56,6 +56,8 @@ EXTRAPOLATED_STRANG_STEP = (0.15, 1e-4, 1 / 8)
 BUDGET_STEP = 0.25
 """Longest step times (γ + Sρ√θ) at which the quintic spline of the budgets is good to about 1e-6 of what the terms bring.
 tests/invariants/test_solver.py (residuals)."""
+RULE_SHARE = 0.4
+"""Of rtol, to what Strang's steps, and finite volumes, are each planned to err by: the sum with all else is to stay below it."""
 STEP_PRODUCTS = 0.4
 """What products of a step's waves make of an error of f over max f under (12), over SΔρ dx³/λ², λ = √θ min(1/γ, 2t), t the
 first frame's time; it falls as dx⁴ where that is small. tests/convergence/test_step_products.py."""

@@ -104,7 +104,8 @@ def _of_v(seen: Observation) -> float:
     error = waves_in_v(seen)
     if plan.drift_diffusion != "kernel":
         order = measured.FINITE_VOLUME_ERROR[plan.drift_diffusion][1]
-        error += plan.inner.accuracy.rtol / in_v.finite_volumes(plan.scales, plan.drift_diffusion) ** order * seen.grid.dv**order
+        planned = measured.RULE_SHARE * plan.inner.accuracy.rtol
+        error += planned * (seen.grid.dv / in_v.finite_volumes(plan.scales, plan.drift_diffusion)) ** order
     error += rate_error(seen, seen.clock)
     return error
 

@@ -29,6 +29,8 @@ OVERRATED = 3.0
 """By how much these estimates of the error by dv are taken to exceed the error itself (tests/convergence/test_estimate.py holds
 them from both sides). The deposits' is taken as it is where noise hardly acts, since what dv cannot hold piles up, and where
 nothing depends on x: a cooling gas erred by 0.4 of it, and more points cost little."""
+RATE_SHARE = 0.7
+"""Of rtol, to the error of the collision rate, so that with the rest it stays below. Chosen."""
 HIGHEST_WAVES = 1 / 4
 """Of the waves in v that are looked at where noise hardly acts: free motion passes many of them within one step."""
 
@@ -197,7 +199,7 @@ def _too_coarse(seen: Observation) -> Problem | None:
         folding = folds(plan)
         error = shortest_waves(seen.f, HIGHEST_WAVES if folding else 0.0) / OVERRATED
         if plan.law is not None:
-            error = max(error, rate_error(seen, seen.clock))
+            error = max(error, rate_error(seen, seen.clock) / RATE_SHARE)
         if error > rtol:
             text = f"the spacing in v is too coarse by an estimated {error:.2g} of max f; raise grid.nv ({plan.tolerance})"
             return Problem("nv", error, _when(seen), text)
