@@ -26,9 +26,7 @@ SHARE = 0.3
 LAST_FUNCTIONS = 0.1
 """Of rtol, to the last two Hermite functions. Chosen: what lies beyond them is of their size."""
 OVERRATED = 3.0
-"""By how much these estimates of the error by dv are taken to exceed the error itself (tests/convergence/test_estimate.py holds
-them from both sides). The deposits' is taken as it is where noise hardly acts, since what dv cannot hold piles up, and where
-nothing depends on x: a cooling gas erred by 0.4 of it, and more points cost little."""
+"""By how much the shortest waves in v are taken to exceed the error that they show (tests/convergence/test_estimate.py)."""
 RATE_SHARE = 0.7
 """Of rtol, to the error of the collision rate, so that with the rest it stays below. Chosen."""
 HIGHEST_WAVES = 1 / 4
