@@ -28,8 +28,6 @@ FINITE_VOLUMES_COARSER = 4.0
 JUMP_IN_THE_LOCAL_GAUGE = 1e-4
 """rtol of f at most, where (6) steps a jump in the local gauge: on fewer points its first, unresolved moments spoil the budgets.
 Chosen: R* = 4."""
-LEAST_RTOL = 1e-10
-"""Nothing finer is asked of f: round-off is near."""
 LINEAR_ENOUGH = 1e-2
 """rtol from which on operator (12) takes the linear deposit, which is positive."""
 PRODUCT_COST = 200
@@ -41,16 +39,17 @@ HERMITE_NEAR = (0.5, 1.5)
 """Temperatures over σ between which Hermite functions of variance σ are few: coefficients fall as |1 - θ/σ|^(n/2). Chosen."""
 
 
-def for_thin_places(scales: Scales) -> Scene:
+def for_thin_places(scales: Scales) -> tuple[Scene, float]:
     """The scene with the rtol that f must meet, so that mean velocity and temperature, ratios of its moments, meet that of the
-    scene wherever they are given: at a density down to rtol of the largest (solver/writer.py)."""
+    scene wherever they are given: at a density down to rtol of the largest (solver/writer.py); and what the edges may cut off."""
     scene, rtol = scales.scene, scales.rtol
     if Waves(scales).products_of_a_step and scales.amplifies:
         rtol = min(rtol, JUMP_IN_THE_LOCAL_GAUGE)
-    if scene.output.moments is False:
-        return scene.model_copy(update={"accuracy": scene.accuracy.model_copy(update={"rtol": rtol})})
-    of_f = min(rtol, max(LEAST_RTOL, scales.stricter(rtol)))
-    return scene.model_copy(update={"accuracy": scene.accuracy.model_copy(update={"rtol": of_f})})
+    of_edges = rtol
+    if scene.output.moments is not False:
+        of_edges = scales.stricter_at_edges(rtol)
+        rtol = min(rtol, scales.stricter(rtol))
+    return scene.model_copy(update={"accuracy": scene.accuracy.model_copy(update={"rtol": rtol})}), of_edges
 
 
 def check_given(scales: Scales) -> None:

@@ -162,14 +162,14 @@ def _make_plan(scene: Scene, known: Mapping[str, str], law: CollisionLaw | None,
     here = scales_of(scene, schedule.times, law=law, start=start)
     if law is not None:
         _check(law, here)
-    stricter = choices.for_thin_places(here)
-    here = replace(here, scene=stricter)
+    stricter, of_edges = choices.for_thin_places(here)
+    here = replace(here, scene=stricter, of_edges=of_edges)
     choices.check_given(here)
 
     def clocked(frame: ReferenceFrame) -> Scales:
         times = np.array([frame.clock(float(time)) for time in schedule.times])
         seen = None if start is None else start.seen_from(frame.start)
-        return scales_of(frame.scene(stricter), times, scene.model.friction, law, seen)
+        return scales_of(frame.scene(stricter), times, scene.model.friction, law, seen, of_edges)
 
     frame, scales = choices.reference_frame(here, clocked)
     waves, inner = Waves(scales), scales.scene

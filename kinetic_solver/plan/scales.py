@@ -25,9 +25,14 @@ TAIL = 40.0
 THIN = 10.0
 """How many times thinner than the densest a place may be before f must be more accurate than rtol for the sake of its mean
 velocity and temperature. tests/convergence/test_thin_places.py."""
+EDGE_OF_THIN = 2.0
+"""Likewise of what the window cuts off. With 10 θ erred by 1.0 rtol (1e-3) at the front of a gas that flows into vacuum, (12),
+with 2 by 0.24. tests/convergence/test_thin_places.py."""
 PAIRS_ARE_DENSE = 0.1
 """Of rtol, below which f need not go for the sake of thin places with (12): what its rate errs by lies where f is large. At half
 of rtol u and θ beside a step of ratio 1e-3 erred by up to 0.95 rtol (1e-4), at a tenth by 0.2."""
+LEAST_RTOL = 1e-10
+"""Nothing finer is asked of f: round-off is near."""
 HAFF_SHORT = 2.0
 """A cooling gas does not stay Maxwellian, and was seen up to so many times colder than Haff's law has it (docs/accuracy.md)."""
 KNOWN_STATES = (1e-6, 1e6)
@@ -62,6 +67,8 @@ class Scales:
     """The hottest place at the end."""
     theta_min: float
     """The coldest temperature at any place and time: bounds dv."""
+    of_edges: float
+    """Of max f, what may lie beyond the window's edges: rtol, or less where f is thin."""
 
     @property
     def rtol(self) -> float:
@@ -77,8 +84,8 @@ class Scales:
 
     @property
     def tail(self) -> float:
-        """y: standard deviations at which a Gaussian is rtol/40 of its maximum."""
-        return math.sqrt(2 * math.log(TAIL / self.rtol))
+        """y: standard deviations at which a Gaussian is `of_edges`/40 of its maximum."""
+        return math.sqrt(2 * math.log(TAIL / self.of_edges))
 
     @property
     def rho_max(self) -> float:
@@ -106,8 +113,12 @@ class Scales:
 
     def stricter(self, rtol: float) -> float:
         """What f must meet for its mean velocity and temperature to meet rtol, where density is rtol of its largest or more."""
-        of_f = THIN * max(rtol, self.thinnest) * rtol
+        of_f = min(rtol, max(LEAST_RTOL, THIN * max(rtol, self.thinnest) * rtol))
         return max(of_f, PAIRS_ARE_DENSE * rtol) if self.of_pairs else of_f
+
+    def stricter_at_edges(self, rtol: float) -> float:
+        """Likewise of what the window cuts off: ahead of a front into thin places only the fastest particles are."""
+        return min(rtol, max(LEAST_RTOL, EDGE_OF_THIN * max(rtol, self.thinnest) * rtol))
 
     def asked_for(self, of_f: float) -> float:
         """The least accuracy.rtol at which no more than this is asked of f."""
@@ -174,8 +185,10 @@ def scales_of(
     lab_friction: float | None = None,
     law: CollisionLaw | None = None,
     start: Start | None = None,
+    of_edges: float | None = None,
 ) -> Scales:
-    """The scales of a scene that is written at these times of its own clock. `law` and `start` stand in for the scene's own."""
+    """The scales of a scene that is written at these times of its own clock. `law` and `start` stand in for the scene's own, and
+    `of_edges` for its rtol at the window's edges."""
     law = scene.law if law is None else law
     start = SceneStart(scene) if start is None else start
     x = scene.pipe.length * np.arange(POINTS) / POINTS
@@ -200,6 +213,7 @@ def scales_of(
         whole,
         theta_end,
         theta_min,
+        scene.accuracy.rtol if of_edges is None else of_edges,
     )
 
 

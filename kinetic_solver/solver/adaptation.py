@@ -83,7 +83,7 @@ def enlarged(plan: Plan, problem: Problem, history: History, exact: bool) -> Cha
     if hopeless or not free(plan, problem.what) or grid.nx * grid.nv > MOST_GROWTH * first.nx * first.nv:
         if problem.value <= plan.inner.accuracy.rtol and not history.settled:
             return Change(plan, dataclasses.replace(history, settled=True))
-        times = len(history.tried) - 1
+        times = len(before)
         return Stop(str(problem) + (f" (refining the grid {times} times did not help)" if times else ""))
     try:
         check_memory(larger)
