@@ -114,6 +114,9 @@ def points(scene: Scene, x: ArrayLike | None = None, v: ArrayLike | None = None)
 def _grid(scene: Scene, x: ArrayLike | None, v: ArrayLike | None) -> PhaseSpaceGrid:
     nx = np.size(x) if x is not None else scene.grid.nx or (1 if scene.homogeneous else 64)
     nv = np.size(v) if v is not None else scene.grid.nv or 128
+    for name, points in (("x", x), ("v", v)):
+        if points is not None and not (np.size(points) > (name == "v") and np.all(np.diff(points) > 0)):
+            raise SceneError(f"{name}: must increase, and be {'two' if name == 'v' else 'one'} at least")
     if v is not None:
         velocities = np.asarray(v, float)
         half = (velocities[-1] - velocities[0]) / (nv - 1) / 2

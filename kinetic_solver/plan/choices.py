@@ -43,12 +43,12 @@ def for_thin_places(scales: Scales) -> tuple[Scene, float]:
     """The scene with the rtol that f must meet, so that mean velocity and temperature, ratios of its moments, meet that of the
     scene wherever they are given: at a density down to rtol of the largest (solver/writer.py); and what the edges may cut off."""
     scene, rtol = scales.scene, scales.rtol
-    if Waves(scales).products_of_a_step and scales.amplifies:
-        rtol = min(rtol, JUMP_IN_THE_LOCAL_GAUGE)
     of_edges = rtol
     if scene.output.moments is not False:
         of_edges = scales.stricter_at_edges(rtol)
         rtol = min(rtol, scales.stricter(rtol))
+    if Waves(scales).products_of_a_step and scales.amplifies:
+        rtol = min(rtol, JUMP_IN_THE_LOCAL_GAUGE)
     return scene.model_copy(update={"accuracy": scene.accuracy.model_copy(update={"rtol": rtol})}), of_edges
 
 

@@ -31,7 +31,7 @@ def points(scales: Scales, waves: Waves) -> Criterion:
     scene = scales.scene
     if scales.start.homogeneous:
         return Criterion(1, "nothing depends on x")
-    n = waves.highest_mode
+    n = max(1, waves.highest_mode)  # one point does not hold what depends on x, however little
     reason = f"{n} modes of the initial state"
     if scales.law is not None:
         more = fronts(scales, scales.density) if scales.amplifies else followers(scales, waves)

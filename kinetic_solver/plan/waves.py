@@ -74,6 +74,9 @@ class Waves:
             lifted = self.lifted_amplitudes
             lifted = self._of_a_step(lifted) if scene.initial.step is not None else lifted[: amplitude.size]
             amplitude = np.maximum(amplitude, lifted)
+        together = _together(amplitude)
+        # Many waves, each too small to count, may count together.
+        amplitude = np.where(amplitude > rtol / DROPPED, amplitude, together)
         n = np.flatnonzero(amplitude > rtol / DROPPED)
         digits = np.log(DROPPED * amplitude[n] / rtol)
         if scales.amplified_shift:
@@ -94,12 +97,16 @@ class Waves:
         return max(given, self.highest(self.amplitudes))
 
     def highest(self, amplitude: Array) -> int:
-        """The highest mode whose relative amplitude counts."""
-        return int(np.flatnonzero(amplitude > self.scales.rtol / DROPPED)[-1])
+        """The mode beyond which all together do not count."""
+        return int(np.flatnonzero(_together(amplitude) > self.scales.rtol / DROPPED)[-1])
 
     def beyond(self, nx: int) -> float:
-        """The largest relative amplitude of the start's waves that nx points do not hold."""
-        return float(self.amplitudes[nx // 2 + 1 :].max(initial=0.0))
+        """The relative amplitude of all the start's waves together that nx points do not hold; of a step's at the first frame."""
+        if self.scales.scene.initial.step is None or nx == 1:
+            return float(self.amplitudes[nx // 2 + 1 :].sum())
+        left_out = self._left_out(float(self.scales.times[1]))
+        jump = float(np.ptp(self.scales.density)) / self.scales.rho_max
+        return min(jump, float(left_out[min(nx // 2, left_out.size) - 1]))
 
     @functools.cached_property
     def step_modes(self) -> int:
@@ -119,6 +126,8 @@ class Waves:
             )
         allowed = self.scales.rtol / DROPPED
         left_out = self._left_out(first)
+        if scene.grid.nx is not None and self._left_at_fixed_velocity(first) == 0:
+            return min(left_out.size, scene.grid.nx // 2)  # nothing damps the others: dv must hold what becomes of them
         if left_out[-1] <= allowed:
             enough = _first_below(left_out, allowed)
             if self.followed_from_the_start:
@@ -126,10 +135,12 @@ class Waves:
                 enough = max(enough, min(BUDGETS_OF_A_STEP[1], _first_below(earlier, allowed)))
             return enough
         if scene.grid.nx is not None:
-            return left_out.size
-        if self._left_at_fixed_velocity(first) == 0 and scene.output.f is not False:
+            return min(left_out.size, scene.grid.nx // 2)
+        unseen = scene.output.f is False and self.scales.law is None
+        if self._left_at_fixed_velocity(first) == 0 and not unseen:
+            hidden = "output.f = false, " if self.scales.law is None else ""
             raise SceneError(
-                "initial.step: without noise a jump in f stays a jump, which no waves can hold; allowed: output.f = false, "
+                f"initial.step: without noise a jump in f stays a jump, which no waves can hold; allowed: {hidden}"
                 "model.friction and model.noise > 0, smooth modes, or a given grid.nx"
             )
         from scipy.optimize import brentq  # here: most runs do without SciPy, which is slow to load
@@ -210,8 +221,12 @@ class Waves:
             / self.scales.rho_max
             * (math.exp(self.gauge_range) if kind == "global" else 1.0)
         )
-        beyond = float(exp1(damping * (n[-1] + 0.5) ** 2)) / 2 if damping > 0 else math.inf
+        last = damping * (n[-1] + 0.5) ** 2
+        beyond = float(exp1(last)) / 2 if damping > 0 else math.inf
         terms = np.exp(-damping * n**2) / n
+        if scene.output.f is False and law is None:  # those of mean velocity and temperature carry k√spread, once and twice
+            terms *= 1 + 2 * damping * n**2
+            beyond += math.exp(-last)
         return np.asarray(size * (np.cumsum(terms[::-1])[::-1] - terms + beyond))
 
     @functools.cached_property
@@ -254,6 +269,11 @@ class Waves:
         count = min(MOST_VELOCITIES, max(VELOCITIES, math.ceil((high - low) / math.sqrt(s.narrowest))))
         v = np.linspace(low, high, count)
         return relative_amplitudes(weight[:, None] * s.start.outline(s.x, v))
+
+
+def _together(amplitude: Array) -> Array:
+    """Of each mode and all beyond it: what they make at most where they are in step."""
+    return np.asarray(np.cumsum(amplitude[::-1])[::-1])
 
 
 def _up(value: float) -> str:

@@ -34,8 +34,8 @@ class ErrorEstimate:
 
     - time: estimated errors of the extrapolated steps, times what (6) may make of them; Strang's by its rule; exact steps have
       none.
-    - x: the waves of the highest eighth, or what the linearised step of (6) misses of the density; without collisions none,
-      but for the waves of a density step that the grid leaves out.
+    - x: the start's waves that the first grid leaves out, all together, of a step as they are at the first frame; with collisions
+      besides the waves of the highest eighth, or what the linearised step of (6) misses of the density.
     - v: the shortest waves in v that the points hold; with (12) the difference that twice the points make to the collision
       rate, times how long it acts; with finite volumes their rule; in Hermite functions the last coefficients.
     - window: f at its edges, the slow one amplified as (6) does.
@@ -49,6 +49,7 @@ class ErrorEstimate:
         self._amplified = in_t.amplified_error(scales)
         if plan.stepping == "strang" and plan.time_step is not None:
             self._of_steps = in_t.strang_error(scales, plan.waves, plan.time_step)
+        self._lost = plan.waves.beyond(plan.grid.nx)
         self._parts = dict.fromkeys(PARTS, 0.0)
 
     def step(self, seen: Observation) -> None:
@@ -61,7 +62,7 @@ class ErrorEstimate:
         """All parts, and `error_estimate`, their sum."""
         now = {"error_window": max(diagnostics["edge_error_low"], diagnostics["edge_error_high"])}
         if seen.clock > 0:
-            now |= {"error_x": _of_x(seen, diagnostics), "error_v": _of_v(seen)}
+            now |= {"error_x": _of_x(seen, diagnostics, self._lost), "error_v": _of_v(seen)}
         self._parts = {name: max(self._parts[name], now.get(name, 0.0)) for name in PARTS}
         if seen.clock == 0:
             return dict.fromkeys(("error_estimate", *PARTS), 0.0)  # what is shown then is the start itself
@@ -85,16 +86,12 @@ class ErrorEstimate:
         return f"{PARTS[name]}: {self._parts[name]:.2g} of max f"
 
 
-def _of_x(seen: Observation, diagnostics: dict[str, float]) -> float:
+def _of_x(seen: Observation, diagnostics: dict[str, float], lost: float) -> float:
     if seen.grid.nx == 1:
         return 0.0
-    if seen.plan.law is None:
-        if seen.plan.scales.start.band_limited:
-            return 0.0  # waves do not couple, and those of the start are all there
-        if seen.plan.inner.initial.step is None:
-            return seen.plan.waves.beyond(seen.grid.nx)
-        return float(relative_amplitudes(seen.f)[-1])
-    return max(diagnostics["spectral_tail"], diagnostics["density_defect"])
+    if seen.plan.law is None:  # waves do not couple
+        return lost
+    return lost + max(diagnostics["spectral_tail"], diagnostics["density_defect"])
 
 
 def _of_v(seen: Observation) -> float:

@@ -146,6 +146,8 @@ class Monitor:
         )
         if seen.clock < self._smooth_from:
             return
+        if plan.scene.output.f is False and plan.law is None:
+            return  # f rings at a jump that nothing smooths, where it is not looked at and waves do not couple
         # Transport in x, and the deposits of (12) above the linear one, are the two that are not positive.
         finer: list[Quantity] = [] if plan.grid.nx == 1 else ["nx"]
         if plan.deposit not in (None, "linear") or not finer:

@@ -73,8 +73,9 @@ def make_stepper(plan: Plan, representation: Representation) -> Stepper:
         return Fixed(method, given) if given is not None else Controlled(method, tolerance, longest)
     step = representation.linearised(LINEARISED_ROUND_OFF * rtol)
     early = Early(plan) if plan.shortest_step > 0 and scene.initial.file is None else None
-    # Where nx is open, a finer grid is the better way out of a step that loses its accuracy.
-    fallback = Controlled(method, tolerance) if scene.grid.nx is not None else None
+    # Where nx is open, a finer grid is the better way out of a step that loses its accuracy; but not of a jump.
+    given = scene.grid.nx is not None or plan.waves.products_of_a_step
+    fallback = Controlled(method, tolerance) if given else None
     return ExactSteps(step, longest, plan.shortest_step, early, fallback, representation.lifted_start(step), plan.waves.blur)
 
 
