@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from scipy import signal
 
 from kinetic_solver.arrays import Array
-from particles.threads import threads_for
+from particles.threads import over_particles
 
 Complex = NDArray[np.complex128]
 
@@ -79,8 +79,12 @@ class Sampler:
     def sample(self, x: Array, v: Array) -> Sample:
         """x, v (n,): positions, anywhere on the line, and velocities."""
         k = 2 * math.pi / self.length
-        with threads_for(x.size):
-            _accumulate(x, v, k, self._low, 1 / self.dv, self.middle, self._modes, self._bins, self._outside)
+        sums = self._modes, self._bins, self._outside
+
+        def add(blocks: slice) -> None:
+            _accumulate(x, v, k, self._low, 1 / self.dv, self.middle, *sums, blocks.start, blocks.stop)
+
+        over_particles(add, x.size, len(self._outside))
         scale = self.weight / self.length
         modes, bins = scale * _complex(self._modes.sum(axis=0)), scale / self.dv * _complex(self._bins.sum(axis=0))
         return Sample(modes, np.ascontiguousarray(bins.T), int(self._outside.sum()), self.middle)
@@ -102,13 +106,13 @@ def _complex(sums: Array) -> Complex:
     return sums[:, :half] - 1j * sums[:, half:]
 
 
-@numba.njit(parallel=True, cache=True)
-def _accumulate(x, v, k, low, per_dv, middle, modes, bins, outside):  # type: ignore[no-untyped-def]
-    """Σ (v - middle)^p (cos mkx, sin mkx) of blocks into modes (blocks, 4, 2(M + 1)), p = 0 over bins into bins
-    (blocks, nv, 2(M + 1))."""
+@numba.njit(nogil=True, cache=True)
+def _accumulate(x, v, k, low, per_dv, middle, modes, bins, outside, begin, stop):  # type: ignore[no-untyped-def]
+    """Σ (v - middle)^p (cos mkx, sin mkx) of blocks from `begin` up to `stop` into modes (blocks, 4, 2(M + 1)), p = 0 over bins
+    into bins (blocks, nv, 2(M + 1))."""
     blocks, nv, waves = bins.shape
     count = waves // 2
-    for b in numba.prange(blocks):
+    for b in range(begin, stop):
         modes[b] = 0.0
         bins[b] = 0.0
         missed = 0
