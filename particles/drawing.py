@@ -19,8 +19,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from kinetic_solver.arrays import Array
 from kinetic_solver import initial
+from kinetic_solver.arrays import Array
 from kinetic_solver.initial import GivenStart
 from kinetic_solver.scene import Scene
 from particles.random import PARTS, POSITIONS, VELOCITIES, standard_normals, uniforms
@@ -46,10 +46,8 @@ class Drawn(Protocol):
         """x in [0, length) and v, (n,) each, of the particles from `first` on."""
 
 
-def draw(
-    start: Drawn, count: int, keys: Sequence[NDArray[np.uint64]], look: Callable[[], None]
-) -> Iterator[tuple[Array, Array]]:
-    """x and v (count,) of one replica after another. `look` is called after every `AT_ONCE` particles but the last, and may raise."""
+def draw(start: Drawn, count: int, keys: Sequence[NDArray[np.uint64]], look: Callable[[], None]) -> Iterator[tuple[Array, Array]]:
+    """x and v (count,) of one replica after another. `look` is called after every `AT_ONCE` particles, and may raise."""
     since = 0
     for key in keys:
         x, v = np.empty(count), np.empty(count)

@@ -77,9 +77,8 @@ class Ensemble:
         if sum(lost) > 0:
             raise _lost(number)
         _places(self._counts, self.starts)
-        over_particles(
-            lambda blocks: _scatter(*arrays, self._other_x, self._other_v, blocks.start, blocks.stop), self.count, len(self._counts)
-        )
+        others = self._other_x, self._other_v
+        over_particles(lambda blocks: _scatter(*arrays, *others, blocks.start, blocks.stop), self.count, len(self._counts))
         self.x, self._other_x = self._other_x, self.x
         self.v, self._other_v = self._other_v, self.v
 

@@ -93,7 +93,7 @@ class Simulation:
 
     def advance_to(self, time: float, after_step: AfterStep = lambda simulation: None) -> None:
         """`after_step` is called whenever some replica has done some steps, and may raise: the state is one to go on from."""
-        scene, interval = self.plan.scene, time - self.time
+        interval = time - self.time
         if interval <= 0:
             return
         self._interval = (interval, 1 if self.plan.law is None else self._steps(interval))
@@ -208,18 +208,26 @@ def run(
     progress: Progress | None = None,
     after_step: AfterStep = lambda simulation: None,
     state: dict[str, Any] | None = None,
+    look: Look = lambda: None,
 ) -> Simulation:
     """Hand every frame to the recorder, or from `state` on those after its time; returns the simulation at its end.
 
-    `after_step` is called as in `Simulation.advance_to`, and once a frame is written, but for the last.
+    `after_step` is called as in `Simulation.advance_to`, and once a frame is written, but for the last. Before the first frame of
+    many particles, while they are drawn and summed, `look` and `progress` are called instead.
     """
-    simulation = Simulation(plan, state)
+
+    def wait() -> None:
+        look()
+        if progress is not None:
+            progress(0.0, plan.scene.run.end_time)
+
+    simulation = Simulation(plan, state, wait)
     sampler = Sampler(plan.grid.length, plan.grid.nx, plan.grid.v, simulation.weight)
     for time, due in zip(plan.schedule.times.tolist(), plan.schedule.due, strict=True):
         if state is not None and time <= simulation.time:
             continue
         simulation.advance_to(time, after_step)
-        recorder.record(time, frame(simulation, sampler, due))
+        recorder.record(time, frame(simulation, sampler, due, wait if time == 0 else lambda: None))
         if progress is not None and time > 0:
             progress(time, plan.scene.run.end_time)
         if time < plan.scene.run.end_time:
@@ -227,10 +235,10 @@ def run(
     return simulation
 
 
-def frame(simulation: Simulation, sampler: Sampler, due: frozenset[str]) -> dict[str, dict[str, Any]]:
-    """What is due at the simulation's time: group → name → value."""
+def frame(simulation: Simulation, sampler: Sampler, due: frozenset[str], look: Look = lambda: None) -> dict[str, dict[str, Any]]:
+    """What is due at the simulation's time: group → name → value. `look` as of `Sampler.sample`."""
     plan, particles = simulation.plan, simulation.particles()
-    samples = [sampler.sample(x, v) for x, v in particles]
+    samples = [sampler.sample(x, v, look) for x, v in particles]
     values: dict[str, Any] = dict(fields(samples, plan.grid.length, plan.grid.nx, plan.grid.v))
     modes = np.array([density_modes(sample) for sample in samples])
     values |= {"density_mode_real": modes.real, "density_mode_imag": modes.imag}
