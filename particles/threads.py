@@ -1,4 +1,4 @@
-"""Loops over particles in threads: one for fewer than 400 000 particles, since starting a thread takes longer than their step.
+"""Loops over particles in threads, one for each 200 000 particles: fewer are not worth starting one where the cores are busy.
 
 Results are the same at any number of threads.
 """
@@ -10,7 +10,7 @@ from collections.abc import Callable
 from kinetic_solver.threads import over_rows
 
 SECONDS_OF_A_PARTICLE = 1e-8
-"""A step with sort on one core of an AMD EPYC (python -m benchmarks.particles_speed); each of its loops takes as many threads."""
+"""A step with sort on one core of an AMD EPYC (python -m benchmarks.particles_speed). Its loops all take as many threads as it."""
 
 
 def over_particles(work: Callable[[slice], None], count: int, rows: int | None = None) -> None:
