@@ -10,7 +10,7 @@ from collections.abc import Callable
 from kinetic_solver.threads import over_rows
 
 SECONDS_OF_A_PARTICLE = 1e-8
-"""A step with sort on one core of an AMD EPYC (python -m benchmarks.particles_speed). Its loops all take as many threads as it."""
+"""A step with sort on one core of an AMD EPYC (python -m benchmarks.particles_speed). All its loops take as many threads."""
 
 
 def over_particles(work: Callable[[slice], None], count: int, rows: int | None = None) -> None:
