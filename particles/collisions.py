@@ -23,6 +23,7 @@ from kinetic_solver.errors import SolverStopped
 from kinetic_solver.laws import PairLaw
 from particles.random import COLLISIONS, unit, words
 from particles.specialised import specialised
+from particles.threads import over_particles
 
 DRAWS = 2**24
 """Of one cell in one step, that a counter tells apart."""
@@ -44,7 +45,8 @@ def collide(
     Raises SolverStopped where a cell needs more draws than the generator's counter has.
     """
     kind: Any = type(law)
-    _kernel(kind)(v, starts, rate, law.numbers, np.uint64(number), key[0], key[1], tally)
+    kernel, args = _kernel(kind), (v, starts, rate, law.numbers, np.uint64(number), key[0], key[1], tally)
+    over_particles(lambda cells: kernel(*args, cells.start, cells.stop), v.size, starts.size - 1)
     if tally[:, 0].max() >= DRAWS:
         raise SolverStopped(
             f"step {number}: more than {DRAWS} candidate pairs in a cell; raise particles.cells or reduce particles.time_step"
@@ -84,8 +86,8 @@ def _of_a_cell(v, first, n, rate, numbers, cell, step, k0, k1):  # type: ignore[
             v[fast], v[slow] = base + behind, base + ahead
 
 
-def _cells(v, starts, rate, numbers, step, k0, k1, tally):  # type: ignore[no-untyped-def]
-    for cell in numba.prange(starts.size - 1):
+def _cells(v, starts, rate, numbers, step, k0, k1, tally, begin, stop):  # type: ignore[no-untyped-def]
+    for cell in range(begin, stop):
         first, n = starts[cell], starts[cell + 1] - starts[cell]
         tally[cell, 0] = tally[cell, 1] = 0
         if n > 1:
@@ -96,4 +98,4 @@ def _cells(v, starts, rate, numbers, step, k0, k1, tally):  # type: ignore[no-un
 def _kernel(law: Any) -> Callable[..., None]:
     """The loop over cells for a class of laws."""
     one = specialised(_of_a_cell, law, {}, after=numba.njit(law.after))
-    return specialised(_cells, law, {"parallel": True}, _of_a_cell=one)
+    return specialised(_cells, law, {"nogil": True}, _of_a_cell=one)

@@ -17,15 +17,18 @@ from numpy.typing import NDArray
 from kinetic_solver.arrays import Array
 from kinetic_solver.errors import SolverStopped
 from particles.langevin import LangevinStep, advance, move
-from particles.random import BLOCK, SHARE, scratch
+from particles.random import BLOCK, LANGEVIN, normals, scratch
+from particles.threads import over_particles
 
 BLOCKS = 64
-"""At most; fewer where cells hold few particles, so that the blocks' counts take at most 8 bytes a particle, and fewer than a
-share of the random numbers' loops (random.py) would be in each."""
+"""At most; fewer where cells hold few particles, so that the blocks' counts take at most 8 bytes a particle, and where fewer than
+`FEWEST` particles would be in each."""
+FEWEST = 32 * BLOCK
+"""So many that what a block costs beside its particles is nothing."""
 
 
 def blocks_of(count: int, cells: int) -> int:
-    return max(2, min(BLOCKS, count // cells, count // SHARE))
+    return max(2, min(BLOCKS, count // cells, count // FEWEST))
 
 
 def memory(count: int, cells: int) -> int:
@@ -64,11 +67,18 @@ class Ensemble:
 
     def advance_and_sort(self, step: LangevinStep, number: int, key: NDArray[np.uint64]) -> None:
         """The same, after which particles lie in the order of their cells."""
-        arrays = self.x, self.v, self._cell, self._counts
-        if _advance_and_count(*arrays, self.length, astuple(step), np.uint64(number), key[0], key[1]) > 0:
+        arrays, coefficients, lost = (self.x, self.v, self._cell, self._counts), astuple(step), []
+
+        def move(blocks: slice) -> None:
+            args = (self.length, coefficients, np.uint64(number), key[0], key[1], blocks.start, blocks.stop)
+            lost.append(_advance_and_count(*arrays, *args))
+
+        over_particles(move, self.count, len(self._counts))
+        if sum(lost) > 0:
             raise _lost(number)
         _places(self._counts, self.starts)
-        _scatter(self.x, self.v, self._cell, self._counts, self._other_x, self._other_v)
+        others = self._other_x, self._other_v
+        over_particles(lambda blocks: _scatter(*arrays, *others, blocks.start, blocks.stop), self.count, len(self._counts))
         self.x, self._other_x = self._other_x, self.x
         self.v, self._other_v = self._other_v, self.v
 
@@ -79,19 +89,21 @@ def _lost(number: int) -> SolverStopped:
     )
 
 
-@numba.njit(parallel=True, cache=True)
-def _advance_and_count(x, v, cell, counts, length, coefficients, step, k0, k1):  # type: ignore[no-untyped-def]
-    """One Langevin step in place; the new cell of each particle; counts (blocks, cells) of them. Returns as `move` does."""
+@numba.njit(nogil=True, cache=True)
+def _advance_and_count(x, v, cell, counts, length, coefficients, step, k0, k1, begin, stop):  # type: ignore[no-untyped-def]
+    """One Langevin step in place; the new cell of each particle; counts (blocks, cells) of them: of blocks from `begin` up to
+    `stop`. Returns as `move` does."""
     blocks, cells = counts.shape
     per_length = cells / length
+    bits, deviates = scratch()
     lost = 0
-    for b in numba.prange(blocks):
-        bits, deviates = scratch()
+    for b in range(begin, stop):
         counts[b] = 0
         end = (b + 1) * x.size // blocks
         for first in range(b * x.size // blocks, end, BLOCK):
             last = min(first + BLOCK, end)
-            lost += move(x[first:last], v[first:last], length, coefficients, first, step, k0, k1, bits, deviates)
+            normals(deviates, bits, LANGEVIN, first, step, k0, k1)
+            lost += move(x[first:last], v[first:last], length, coefficients, deviates)
             for i in range(first, last):
                 place = x[i] if x[i] >= 0.0 else 0.0  # NaN has no cell
                 cell[i] = min(np.int32(place * per_length), np.int32(cells - 1))
@@ -113,10 +125,11 @@ def _places(counts, starts):  # type: ignore[no-untyped-def]
     starts[counts.shape[1]] = total
 
 
-@numba.njit(parallel=True, cache=True)
-def _scatter(x, v, cell, places, new_x, new_v):  # type: ignore[no-untyped-def]
+@numba.njit(nogil=True, cache=True)
+def _scatter(x, v, cell, places, new_x, new_v, begin, stop):  # type: ignore[no-untyped-def]
+    """Of blocks from `begin` up to `stop`."""
     blocks = places.shape[0]
-    for b in numba.prange(blocks):
+    for b in range(begin, stop):
         for i in range(b * x.size // blocks, (b + 1) * x.size // blocks):
             place = places[b, cell[i]]
             places[b, cell[i]] = place + 1

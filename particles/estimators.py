@@ -15,6 +15,7 @@ Tests: tests/cross_validation/particles/test_estimators.py.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numba
@@ -23,13 +24,18 @@ from numpy.typing import NDArray
 from scipy import signal
 
 from kinetic_solver.arrays import Array
-from particles.threads import threads_for
+from particles.threads import over_particles
 
 Complex = NDArray[np.complex128]
 
 BLOCKS = 64
 ACCUMULATORS = 80e6
 """Bytes of the accumulators of all blocks, at most; many modes and bins take fewer blocks."""
+
+AT_ONCE = 2**23
+"""Particles between two looks at whether to stop. Chosen: about a second."""
+LEAST_AT_ONCE = 8
+"""Blocks, so that there is one for each thread of some."""
 
 MODES = 8
 """Relative amplitudes of the density that `density_modes` gives."""
@@ -76,11 +82,21 @@ class Sampler:
         self._bins = np.empty((blocks, v.size, waves))
         self._outside = np.empty(blocks, dtype=np.int64)
 
-    def sample(self, x: Array, v: Array) -> Sample:
-        """x, v (n,): positions, anywhere on the line, and velocities."""
+    def sample(self, x: Array, v: Array, look: Callable[[], None] = lambda: None) -> Sample:
+        """x, v (n,): positions, anywhere on the line, and velocities. `look` is called after every `AT_ONCE` particles or
+        `LEAST_AT_ONCE` blocks but the last, and may raise."""
         k = 2 * math.pi / self.length
-        with threads_for(x.size):
-            _accumulate(x, v, k, self._low, 1 / self.dv, self.middle, self._modes, self._bins, self._outside)
+        sums, blocks = (self._modes, self._bins, self._outside), len(self._outside)
+
+        def add(some: slice) -> None:
+            _accumulate(x, v, k, self._low, 1 / self.dv, self.middle, *sums, first + some.start, first + some.stop)
+
+        at_once = max(LEAST_AT_ONCE, AT_ONCE * blocks // x.size)
+        for first in range(0, blocks, at_once):
+            if first > 0:
+                look()
+            rows = min(at_once, blocks - first)
+            over_particles(add, x.size * rows // blocks, rows)
         scale = self.weight / self.length
         modes, bins = scale * _complex(self._modes.sum(axis=0)), scale / self.dv * _complex(self._bins.sum(axis=0))
         return Sample(modes, np.ascontiguousarray(bins.T), int(self._outside.sum()), self.middle)
@@ -102,13 +118,13 @@ def _complex(sums: Array) -> Complex:
     return sums[:, :half] - 1j * sums[:, half:]
 
 
-@numba.njit(parallel=True, cache=True)
-def _accumulate(x, v, k, low, per_dv, middle, modes, bins, outside):  # type: ignore[no-untyped-def]
-    """Σ (v - middle)^p (cos mkx, sin mkx) of blocks into modes (blocks, 4, 2(M + 1)), p = 0 over bins into bins
-    (blocks, nv, 2(M + 1))."""
+@numba.njit(nogil=True, cache=True)
+def _accumulate(x, v, k, low, per_dv, middle, modes, bins, outside, begin, stop):  # type: ignore[no-untyped-def]
+    """Σ (v - middle)^p (cos mkx, sin mkx) of blocks from `begin` up to `stop` into modes (blocks, 4, 2(M + 1)), p = 0 over bins
+    into bins (blocks, nv, 2(M + 1))."""
     blocks, nv, waves = bins.shape
     count = waves // 2
-    for b in numba.prange(blocks):
+    for b in range(begin, stop):
         modes[b] = 0.0
         bins[b] = 0.0
         missed = 0

@@ -14,8 +14,10 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
+from kinetic_solver.arrays import Array
 from kinetic_solver.scene import Model
-from particles.random import BLOCK, LANGEVIN, SHARE, normals, scratch
+from particles.random import BLOCK, LANGEVIN, normals, scratch
+from particles.threads import over_particles
 
 
 @dataclass(frozen=True)
@@ -70,13 +72,12 @@ def _excess(tau: float) -> float:
 
 
 @numba.njit
-def move(x, v, length, coefficients, first, step, k0, k1, bits, deviates):  # type: ignore[no-untyped-def]
-    """x, v of at most BLOCK particles in place over one step, with the deviates of the counters from `first` on.
+def move(x, v, length, coefficients, deviates):  # type: ignore[no-untyped-def]
+    """x, v of at most BLOCK particles in place over one step, with these deviates, (2, BLOCK).
 
-    x is kept in [0, length). Returns how many of the particles are no longer finite. `bits` and `deviates` are `scratch`.
+    x is kept in [0, length). Returns how many of the particles are no longer finite.
     """
     x_velocity, x_constant, x_noise_of_v, x_noise, v_velocity, v_constant, v_noise = coefficients
-    normals(deviates, bits, LANGEVIN, first, step, k0, k1)
     lost = 0
     for j in range(x.size):
         n_v, n_x = deviates[0, j], deviates[1, j]
@@ -87,16 +88,28 @@ def move(x, v, length, coefficients, first, step, k0, k1, bits, deviates):  # ty
     return lost
 
 
-@numba.njit(parallel=True, cache=True)
-def advance(x, v, length, coefficients, step, k0, k1):  # type: ignore[no-untyped-def]
+def advance(
+    x: Array, v: Array, length: float, coefficients: tuple[float, ...], step: np.uint64, k0: np.uint64, k1: np.uint64
+) -> int:
     """x, v (n,) in place over one step; particle i takes counter i's deviates, whatever the threads. Returns as `move` does."""
+    lost: list[int] = []
+
+    def of(part: slice) -> None:
+        lost.append(_advance(x[part], v[part], length, coefficients, part.start, step, k0, k1))
+
+    over_particles(of, x.size)
+    return sum(lost)
+
+
+@numba.njit(nogil=True, cache=True)
+def _advance(x, v, length, coefficients, start, step, k0, k1):  # type: ignore[no-untyped-def]
+    """Of the particles from `start` on."""
+    bits, deviates = scratch()
     lost = 0
-    for share in numba.prange((x.size + SHARE - 1) // SHARE):
-        bits, deviates = scratch()
-        end = min((share + 1) * SHARE, x.size)
-        for first in range(share * SHARE, end, BLOCK):
-            last = min(first + BLOCK, end)
-            lost += move(x[first:last], v[first:last], length, coefficients, first, step, k0, k1, bits, deviates)
+    for first in range(0, x.size, BLOCK):
+        last = min(first + BLOCK, x.size)
+        normals(deviates, bits, LANGEVIN, start + first, step, k0, k1)
+        lost += move(x[first:last], v[first:last], length, coefficients, deviates)
     return lost
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinetic_solver.arrays import Array
+from particles.threads import over_particles
 
 LANGEVIN, COLLISIONS, POSITIONS, VELOCITIES, OVERTAKINGS, PARTS = 0, 1, 2, 3, 4, 5
 """What numbers are for: the highest byte of the counter's last word, above the number of the draw."""
@@ -153,30 +154,30 @@ def _outside(layer, sign, fraction, purpose, index, step, draw, k0, k1):  # type
             return sign * fraction * _WIDTH[layer]
 
 
-SHARE = 32 * BLOCK
-"""Indices of one turn of a parallel loop, which has scratch of its own: many enough that to allocate it costs nothing."""
+def standard_normals(out: Array, purpose: int, step: np.uint64, k0: np.uint64, k1: np.uint64, first: int = 0) -> None:
+    """Fill `out`, shape (n, 2), with the two deviates of each of n indices from `first` on."""
+    over_particles(lambda part: _standard_normals(out[part], purpose, first + part.start, step, k0, k1), len(out))
 
 
-@numba.njit(parallel=True, cache=True)
-def standard_normals(out, purpose, step, k0, k1):  # type: ignore[no-untyped-def]
-    """Fill `out`, shape (n, 2), with the two deviates of each of n indices."""
+def uniforms(out: Array, purpose: int, step: np.uint64, k0: np.uint64, k1: np.uint64, first: int = 0) -> None:
+    """Fill `out`, shape (n,), with a number in [0, 1) of 53 bits for each of n indices from `first` on."""
+    over_particles(lambda part: _uniforms(out[part], purpose, first + part.start, step, k0, k1), len(out))
+
+
+@numba.njit(nogil=True, cache=True)
+def _standard_normals(out, purpose, start, step, k0, k1):  # type: ignore[no-untyped-def]
+    bits, deviates = scratch()
     count = out.shape[0]
-    for share in numba.prange((count + SHARE - 1) // SHARE):
-        bits, deviates = scratch()
-        end = min((share + 1) * SHARE, count)
-        for first in range(share * SHARE, end, BLOCK):
-            normals(deviates, bits, purpose, first, step, k0, k1)
-            for i in range(first, min(first + BLOCK, end)):
-                out[i, 0], out[i, 1] = deviates[0, i - first], deviates[1, i - first]
+    for first in range(0, count, BLOCK):
+        normals(deviates, bits, purpose, start + first, step, k0, k1)
+        for i in range(first, min(first + BLOCK, count)):
+            out[i, 0], out[i, 1] = deviates[0, i - first], deviates[1, i - first]
 
 
-@numba.njit(parallel=True, cache=True)
-def uniforms(out, purpose, step, k0, k1):  # type: ignore[no-untyped-def]
-    """Fill `out`, shape (n,), with numbers in [0, 1) of 53 bits."""
-    for share in numba.prange((out.size + SHARE - 1) // SHARE):
-        bits, _ = scratch()
-        end = min((share + 1) * SHARE, out.size)
-        for first in range(share * SHARE, end, BLOCK):
-            draw_bits(bits, purpose, first, step, k0, k1)
-            for i in range(first, min(first + BLOCK, end)):
-                out[i] = float(bits[0, i - first] >> np.uint64(11)) * _UNIT_53
+@numba.njit(nogil=True, cache=True)
+def _uniforms(out, purpose, start, step, k0, k1):  # type: ignore[no-untyped-def]
+    bits, _ = scratch()
+    for first in range(0, out.size, BLOCK):
+        draw_bits(bits, purpose, start + first, step, k0, k1)
+        for i in range(first, min(first + BLOCK, out.size)):
+            out[i] = float(bits[0, i - first] >> np.uint64(11)) * _UNIT_53

@@ -7,32 +7,31 @@ from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from kinetic_solver import initial as starts
 from kinetic_solver.arrays import Array
 from kinetic_solver.dataset import MemoryRecorder, Recorder, law_attribute, recording
 from kinetic_solver.initial import Given, notes_of
 from kinetic_solver.laws import CollisionLaw, PairLaw
 from kinetic_solver.scene import Scene
 from particles.collisions import collide
-from particles.drawing import Drawing
+from particles.drawing import Maxwellians, Tabulated, draw
 from particles.ensemble import Ensemble
 from particles.estimators import Sampler, density_modes, fields
 from particles.files import start_from_file
 from particles.langevin import LangevinStep
 from particles.plan import ParticlePlan, make_plan
-from particles.random import PARTS, POSITIONS, VELOCITIES, key, standard_normals, uniforms
+from particles.random import key
 from particles.records import coordinates, variables
 from particles.report import report
 from particles.single_file import SingleFile
-from particles.threads import threads_for
 
 if TYPE_CHECKING:
     import xarray as xr
 
 Progress = Callable[[float, float], None]
 AfterStep = Callable[["Simulation"], None]
+Look = Callable[[], None]
+"""Called before the first step, where that is long in coming; it may raise."""
 
 SINGLE_FILE_STEPS = 2**18
 """Particle-steps of a single file between two looks at whether to stop. Chosen: some hundredths of a second."""
@@ -47,8 +46,8 @@ class Simulation:
     Tests: tests/cross_validation/particles/test_simulation.py.
     """
 
-    def __init__(self, plan: ParticlePlan, state: dict[str, Any] | None = None) -> None:
-        """From the scene's start, or from a `state` of the same plan."""
+    def __init__(self, plan: ParticlePlan, state: dict[str, Any] | None = None, look: Look = lambda: None) -> None:
+        """From the scene's start, or from a `state` of the same plan. `look` is called meanwhile where it takes long: `draw`."""
         self.plan = plan
         scene = plan.scene
         self.time = 0.0
@@ -64,16 +63,15 @@ class Simulation:
         """Its length, and its steps."""
         self._keys = [key(scene.particles.seed, replica) for replica in range(scene.particles.replicas)]
         self.weight = plan.weight
-        start = self._start() if state is None else zip(state["x"].copy(), state["v"].copy(), strict=True)
+        start = self._start(look) if state is None else zip(state["x"].copy(), state["v"].copy(), strict=True)
         self.ensembles: list[Ensemble] = []
         self.files: list[SingleFile] = []
         """Instead of ensembles, where collisions are those of single files."""
-        with threads_for(scene.particles.count):
-            for x, v in start:
-                if plan.single_file:
-                    self.files.append(SingleFile(x, v, scene.pipe.length, plan.probability, _needed(plan)))
-                else:
-                    self.ensembles.append(Ensemble(x, v, scene.pipe.length, plan.cells))
+        for x, v in start:
+            if plan.single_file:
+                self.files.append(SingleFile(x, v, scene.pipe.length, plan.probability, _needed(plan)))
+            else:
+                self.ensembles.append(Ensemble(x, v, scene.pipe.length, plan.cells))
         if state is not None:
             self.time, self.number = float(state["time"]), int(state["number"])
             self.candidates, self.collisions = int(state["candidates"]), int(state["collisions"])
@@ -82,56 +80,29 @@ class Simulation:
                 ensemble.count_cells()
         self._tally = np.zeros((plan.cells, 2), dtype=np.int64)
 
-    def _start(self) -> Iterator[tuple[Array, Array]]:
+    def _start(self, look: Look) -> Iterator[tuple[Array, Array]]:
         """x and v of every replica; those of a file that holds one are the same for all."""
-        if self.plan.start is not None:
-            drawing = Drawing(self.plan.start)
-            for k in self._keys:
-                yield drawing.draw(self.plan.scene.particles.count, k)
+        scene = self.plan.scene
+        if self.plan.start is None and scene.initial.file is not None:
+            x, v = start_from_file(scene)
+            for replica in range(len(self._keys)):
+                yield x[replica % len(x)].copy(), v[replica % len(v)].copy()
             return
-        if self.plan.scene.initial.file is None:
-            yield from map(self._maxwellian, self._keys)
-            return
-        x, v = start_from_file(self.plan.scene)
-        for replica in range(len(self._keys)):
-            yield x[replica % len(x)].copy(), v[replica % len(v)].copy()
-
-    def _maxwellian(self, k: NDArray[np.uint64]) -> tuple[Array, Array]:
-        """Independent particles of the scene's Maxwellians: positions by the inverse of ∫ρ0, to 1e-9 of the pipe's length."""
-        scene, count = self.plan.scene, self.plan.scene.particles.count
-        length = scene.pipe.length
-        x, normals = np.empty(count), np.empty((count, 2))
-        uniforms(x, POSITIONS, np.uint64(0), k[0], k[1])
-        standard_normals(normals, VELOCITIES, np.uint64(0), k[0], k[1])
-        if scene.initial.step is not None or scene.initial.pulse is not None or scene.initial.modes:
-            table = length * np.linspace(0, 1, 2**17 + 1)
-            cumulative = starts.density_integral(scene, table)
-            x = np.interp(x, cumulative / cumulative[-1], table)
-        else:
-            x *= length
-        x[x >= length] = 0.0
-        shares, means, temperatures = np.array(starts.beams(scene)).T
-        part = np.zeros(count, dtype=np.int64)
-        if shares.size > 1:
-            chosen = np.empty(count)
-            uniforms(chosen, PARTS, np.uint64(0), k[0], k[1])
-            part = np.searchsorted(np.cumsum(shares)[:-1], chosen, side="right")
-        theta = starts.temperature(scene, x, 1.0) * temperatures[part]
-        return x, starts.mean_velocity(scene, x, 0.0) + means[part] + np.sqrt(theta) * normals[:, 0]
+        start = Maxwellians(scene) if self.plan.start is None else Tabulated(self.plan.start)
+        yield from draw(start, scene.particles.count, self._keys, look)
 
     def advance_to(self, time: float, after_step: AfterStep = lambda simulation: None) -> None:
         """`after_step` is called whenever some replica has done some steps, and may raise: the state is one to go on from."""
-        scene, interval = self.plan.scene, time - self.time
+        interval = time - self.time
         if interval <= 0:
             return
         self._interval = (interval, 1 if self.plan.law is None else self._steps(interval))
-        with threads_for(scene.particles.count):
-            if self.plan.law is None:
-                self._fly(interval, after_step)
-            elif self.plan.single_file:
-                self._overtake_to(interval, after_step)
-            else:
-                self._collide_to(interval, after_step)
+        if self.plan.law is None:
+            self._fly(interval, after_step)
+        elif self.plan.single_file:
+            self._overtake_to(interval, after_step)
+        else:
+            self._collide_to(interval, after_step)
         self.time, self.done = time, (0, 0)
 
     @property
@@ -237,18 +208,26 @@ def run(
     progress: Progress | None = None,
     after_step: AfterStep = lambda simulation: None,
     state: dict[str, Any] | None = None,
+    look: Look = lambda: None,
 ) -> Simulation:
     """Hand every frame to the recorder, or from `state` on those after its time; returns the simulation at its end.
 
-    `after_step` is called as in `Simulation.advance_to`, and once a frame is written, but for the last.
+    `after_step` is called as in `Simulation.advance_to`, and once a frame is written, but for the last. Before the first frame of
+    many particles, while they are drawn and summed, `look` and `progress` are called instead.
     """
-    simulation = Simulation(plan, state)
+
+    def wait() -> None:
+        look()
+        if progress is not None:
+            progress(0.0, plan.scene.run.end_time)
+
+    simulation = Simulation(plan, state, wait)
     sampler = Sampler(plan.grid.length, plan.grid.nx, plan.grid.v, simulation.weight)
     for time, due in zip(plan.schedule.times.tolist(), plan.schedule.due, strict=True):
         if state is not None and time <= simulation.time:
             continue
         simulation.advance_to(time, after_step)
-        recorder.record(time, frame(simulation, sampler, due))
+        recorder.record(time, frame(simulation, sampler, due, wait if time == 0 else lambda: None))
         if progress is not None and time > 0:
             progress(time, plan.scene.run.end_time)
         if time < plan.scene.run.end_time:
@@ -256,10 +235,10 @@ def run(
     return simulation
 
 
-def frame(simulation: Simulation, sampler: Sampler, due: frozenset[str]) -> dict[str, dict[str, Any]]:
-    """What is due at the simulation's time: group → name → value."""
+def frame(simulation: Simulation, sampler: Sampler, due: frozenset[str], look: Look = lambda: None) -> dict[str, dict[str, Any]]:
+    """What is due at the simulation's time: group → name → value. `look` as of `Sampler.sample`."""
     plan, particles = simulation.plan, simulation.particles()
-    samples = [sampler.sample(x, v) for x, v in particles]
+    samples = [sampler.sample(x, v, look) for x, v in particles]
     values: dict[str, Any] = dict(fields(samples, plan.grid.length, plan.grid.nx, plan.grid.v))
     modes = np.array([density_modes(sample) for sample in samples])
     values |= {"density_mode_real": modes.real, "density_mode_imag": modes.imag}

@@ -1,18 +1,18 @@
-"""How many threads a loop over particles takes: one for fewer than 400 000 of them, where threads would wait more than they work.
+"""Loops over particles in threads, one for each 200 000 particles: fewer are not worth starting one where the cores are busy.
 
-On busy cores they wait for milliseconds at the end of every loop: 10⁴ particles were up to fifty times slower on two threads.
-Results are the same at any number.
+Results are the same at any number of threads.
 """
 
 from __future__ import annotations
 
-from contextlib import AbstractContextManager
+from collections.abc import Callable
 
-from kinetic_solver.threads import numba_threads
+from kinetic_solver.threads import over_rows
 
-PARTICLES_OF_A_THREAD = 200_000
+SECONDS_OF_A_PARTICLE = 1e-8
+"""A step with sort on one core of an AMD EPYC (python -m benchmarks.particles_speed). All its loops take as many threads."""
 
 
-def threads_for(count: int) -> AbstractContextManager[None]:
-    """As many threads as `count` particles are worth, and no more than there are; numba's setting is restored."""
-    return numba_threads(count // PARTICLES_OF_A_THREAD)
+def over_particles(work: Callable[[slice], None], count: int, rows: int | None = None) -> None:
+    """`work` on all `count` particles, or on all of the `rows` that they lie in: cells, or blocks."""
+    over_rows(work, count if rows is None else rows, count * SECONDS_OF_A_PARTICLE)

@@ -61,6 +61,18 @@ class Keeper:
             reason = f"by {asked.stop}" if asked.stop is not None else f"after {self._max_walltime:g} s"
             raise RunUnfinished(f"stopped at t = {time:g} {reason}; resume it to go on", asked.stop)
 
+    def look_before(self) -> None:
+        """Before the first frame, where that is long in coming and there is nothing to keep. Raises RunUnfinished."""
+        stop = self._interruption.stop
+        if stop is not None:
+            raise RunUnfinished(f"stopped by {stop} before the first frame, without a checkpoint; run it again", stop, kept=False)
+        if self._max_walltime is not None and monotonic() - self._began > self._max_walltime:
+            raise RunUnfinished(
+                f"stopped after {self._max_walltime:g} s, before the first frame, without a checkpoint; "
+                "run it again with more time",
+                kept=False,
+            )
+
     def finish(self) -> None:
         """The run has come to its end, and its file is complete."""
         self._interruption.heeded = False

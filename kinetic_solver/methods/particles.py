@@ -36,7 +36,7 @@ def run(job: Job) -> list[str]:
         keeper.look(simulation.reached, simulation.state)
 
     with recording(recorder):
-        done = simulate(plan, recorder, job.progress, after_step, state)
+        done = simulate(plan, recorder, job.progress, after_step, state, keeper.look_before)
     recorder.close(report=said)
     keeper.finish()
     if done.outside > OUTSIDE:

@@ -54,8 +54,9 @@ def _lines() -> Progress:
         last = time
         if now - spoken >= SECONDS_BETWEEN_LINES or time == end:
             spoken = now
-            left = (now - began) / (time - since) * (end - time) if time > since else 0.0
+            # Until the first step is done there is nothing to tell from.
+            left = f", {(now - began) / (time - since) * (end - time):.0f} s left" if time > since else ""
             with suppress(OSError):  # nobody reads any more: no reason to stop a run
-                print(f"t = {time:.6g} of {end:g}{again}, {left:.0f} s left", file=sys.stderr)
+                print(f"t = {time:.6g} of {end:g}{again}{left}", file=sys.stderr)
 
     return line

@@ -1,31 +1,21 @@
-"""How many threads a loop takes: one where it is short, and the same bits at any number."""
+"""How many threads a loop over particles takes: one where it is short."""
 
 from __future__ import annotations
-
-from collections.abc import Iterator
 
 import numba
 import pytest
 
-from kinetic_solver.threads import numba_threads
-from particles.threads import threads_for
+from particles.threads import over_particles
 
 
-@pytest.fixture
-def two_threads() -> Iterator[None]:
-    before = numba.get_num_threads()
-    numba.set_num_threads(2)
-    yield
-    numba.set_num_threads(before)
-
-
-@pytest.mark.usefixtures("two_threads")
-def test_as_many_as_they_are_worth_and_no_more_than_allowed() -> None:
-    for worth, taken in ((0, 1), (1, 1), (2, 2), (50, 2)):
-        with numba_threads(worth):
-            assert numba.get_num_threads() == taken
-        assert numba.get_num_threads() == 2
-    with threads_for(399_999):
-        assert numba.get_num_threads() == 1
-    with threads_for(400_000):
-        assert numba.get_num_threads() == 2
+def test_a_thread_for_each_200_000_particles(monkeypatch: pytest.MonkeyPatch) -> None:
+    """And no more than numba may have, and no more than there are blocks or cells."""
+    monkeypatch.setattr(numba, "get_num_threads", lambda: 3)
+    for count, rows, expected in ((399_999, 64, 1), (400_000, 64, 2), (600_000, 64, 3), (10**8, 64, 3), (10**8, 2, 2)):
+        parts: list[slice] = []
+        over_particles(parts.append, count, rows)
+        assert len(parts) == expected
+        assert sorted(i for part in parts for i in range(rows)[part]) == list(range(rows))
+    parts = []
+    over_particles(parts.append, 400_001)
+    assert sorted((part.start, part.stop) for part in parts) == [(0, 200_000), (200_000, 400_001)]

@@ -92,8 +92,7 @@ def test_a_sampler_forgets_and_takes_few_particles() -> None:
     assert few.modes[0, 0] == pytest.approx(5 * 0.3 / LENGTH, rel=1e-15)
 
 
-def test_bits_do_not_depend_on_threads(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("particles.threads.PARTICLES_OF_A_THREAD", 1)
+def test_bits_do_not_depend_on_threads() -> None:
     x, v = particles(30_001, seed=3)
     before = numba.get_num_threads()
     results = []

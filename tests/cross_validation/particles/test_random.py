@@ -10,7 +10,7 @@ import pytest
 from scipy import stats
 
 from particles import random
-from particles.random import BLOCK, LANGEVIN, POSITIONS, SHARE, TAIL, VELOCITIES, key, philox, standard_normals, uniforms
+from particles.random import BLOCK, LANGEVIN, POSITIONS, TAIL, VELOCITIES, key, philox, standard_normals, uniforms
 
 MASK = 0xFFFFFFFF
 
@@ -142,14 +142,14 @@ def test_blocks_have_the_bits_of_single_counters(purpose: int, first: int) -> No
         assert np.array_equal(deviates, single)
 
 
-@pytest.mark.parametrize("count", [1, BLOCK - 1, BLOCK + 1, SHARE, SHARE + BLOCK + 3])
+@pytest.mark.parametrize("count", [1, BLOCK - 1, BLOCK + 1, 32 * BLOCK, 33 * BLOCK + 3])
 def test_every_length_has_the_same_numbers(count: int) -> None:
     """Arrays that end within a block, or begin another turn of the parallel loop: the first numbers of a longer array."""
-    k, whole, part = key(1, 2), np.empty(2 * SHARE), np.empty(count)
+    k, whole, part = key(1, 2), np.empty(64 * BLOCK), np.empty(count)
     for out in (whole, part):
         uniforms(out, POSITIONS, np.uint64(3), k[0], k[1])
     assert np.array_equal(part, whole[:count])
-    assert np.array_equal(normals(count, step=2), normals(2 * SHARE, step=2)[:count])
+    assert np.array_equal(normals(count, step=2), normals(64 * BLOCK, step=2)[:count])
 
 
 def test_layers_have_equal_areas() -> None:

@@ -51,10 +51,7 @@ def test_one_exact_step_without_collisions(make_scene: MakeScene) -> None:
 
 
 @pytest.mark.parametrize("collisions", [None, FOLLOW, INELASTIC], ids=["none", "(6)", "(12)"])
-def test_the_same_bits_on_threads_and_from_a_state(
-    make_scene: MakeScene, collisions: dict[str, Any] | None, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("particles.threads.PARTICLES_OF_A_THREAD", 1)
+def test_the_same_bits_on_threads_and_from_a_state(make_scene: MakeScene, collisions: dict[str, Any] | None) -> None:
     plan = make_plan(make_scene(collisions=collisions, particles={"count": 5000, "replicas": 2, "seed": 7}))
 
     def finish(simulation: Simulation) -> list[np.ndarray]:
