@@ -31,8 +31,10 @@ class Observation:
     """Estimated max|error| that this step made."""
     within: Callable[[float], Array] | None = None
     """f (nx, nv) at any clock of the stretch; None where only the ends of steps are known."""
+    moments_within: Callable[[float], Array | None] | None = None
+    """∫v^n f dv, n = 0 … 3, (4, nx), likewise; None for an answer where f is to be asked for."""
     stretch: tuple[float, float] | None = None
-    """Clocks between which `within` is good: that step, and what surrounds it."""
+    """Clocks between which these are good: that step, and what surrounds it."""
     side: bool = False
     """True where nothing is built upon this state: (6) will not amplify what is wrong with it."""
 
@@ -45,11 +47,13 @@ class Observation:
         since: float = -math.inf,
         error: float = 0.0,
         within: Callable[[float], Array] | None = None,
+        moments_within: Callable[[float], Array | None] | None = None,
         stretch: tuple[float, float] | None = None,
         side: bool = False,
     ) -> Observation:
         state = np.ascontiguousarray(state)  # as a checkpoint gives it back: the order of sums is that of the memory
-        return cls(scheme, clock, state, scheme.representation.points(state), since, error, within, stretch, side)
+        points = scheme.representation.points(state)
+        return cls(scheme, clock, state, points, since, error, within, moments_within, stretch, side)
 
     @property
     def plan(self) -> Plan:

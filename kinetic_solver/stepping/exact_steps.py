@@ -33,6 +33,10 @@ class ExactStep(Protocol):
         """f of a lifted state, blurred in x by a Gaussian of this variance. `propagate` and this may raise LostAccuracy."""
         ...
 
+    def moments(self, lifted: Any, h: float, blur: float = 0.0) -> Array | None:
+        """∫v^n f dv, n = 0 … 3, (4, nx), of `lower(propagate(lifted, h), blur)`; None where f itself is to be asked for."""
+        ...
+
 
 class Plain:
     """An exact substep as an ExactStep: states are f itself."""
@@ -45,6 +49,9 @@ class Plain:
 
     def lower(self, lifted: Array, blur: float = 0.0) -> Array:
         return lifted
+
+    def moments(self, lifted: Array, h: float, blur: float = 0.0) -> None:
+        return None
 
 
 @dataclass(frozen=True)
@@ -135,6 +142,7 @@ class ExactSteps:
             0.0,
             dataclasses.replace(chain, time=time),
             within=lambda t: self._at(memory, start + t),
+            moments=lambda t: self._moments_at(memory, start + t),
             stretch=(before - start, after - start),
             side=chain is memory,
         )
@@ -163,6 +171,11 @@ class ExactSteps:
             elif self.early is not None:
                 return self._or_fall_back(lambda: (None, self.early(time)), link, time)[1]  # type: ignore[misc]
         return self._from(link, time)[1]
+
+    def _moments_at(self, chain: Chain, time: float) -> Array | None:
+        """Velocity moments at any time after the chain's last link: their closed form has no shortest step."""
+        link = chain.links[0]
+        return self.exact.moments(link.lifted, time - link.time, self.blur(time)) if time > link.time else None
 
     def _from(self, link: Link, time: float) -> tuple[Any, Array]:
         """(lifted state, f) at the time, by one step from a link."""

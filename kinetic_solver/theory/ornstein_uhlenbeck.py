@@ -9,8 +9,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypeVar
 
+import numpy as np
+
+from kinetic_solver.arrays import Array
 from kinetic_solver.scene import Model
+
+T = TypeVar("T", float, Array)
 
 
 @dataclass(frozen=True)
@@ -59,6 +65,17 @@ def bridge_variance(model: Model, h: float) -> float:
     if step.velocity_variance == 0:
         return 0.0
     return max(0.0, step.displacement_variance - step.covariance**2 / step.velocity_variance)
+
+
+def bridge_variances(model: Model, h: Array) -> Array:
+    """`bridge_variance` of many times h > 0 at once, which planning asks for by the hundred."""
+    gamma, sigma = model.friction, model.noise
+    if gamma * sigma == 0:
+        return np.zeros_like(h)
+    a = gamma * h
+    displacement = sigma * gamma * h**3 * np.where(a > 0.5, _psi_of_long(a), -_series(a, lambda n: 4.0 - 2.0**n, 3))
+    covariance = sigma * gamma * (np.expm1(-a) / gamma) ** 2
+    return np.maximum(0.0, displacement + covariance**2 / (sigma * np.expm1(-2 * a)))
 
 
 def half_transport_time(gamma: float, h: float) -> float:
@@ -111,9 +128,13 @@ def _psi(a: float) -> float:
     return -_series(a, lambda n: 4.0 - 2.0**n, 3)
 
 
-def _series(a: float, coefficient: Callable[[int], float], first: int) -> float:
+def _psi_of_long(a: Array) -> Array:
+    return np.asarray((2 * a + 4 * np.expm1(-a) - np.expm1(-2 * a)) / a**3)
+
+
+def _series(a: T, coefficient: Callable[[int], float], first: int) -> T:
     """Σ_{n ≥ first} coefficient(n) (-1)^(n - first) a^(n - first)/n!."""
-    total, power = 0.0, 1.0 / math.factorial(first)
+    total, power = a * 0, a * 0 + 1.0 / math.factorial(first)
     for n in range(first, first + 22):
         total += coefficient(n) * power
         power *= -a / (n + 1)
