@@ -140,7 +140,8 @@ class Ledger:
 
     def _samples(self, seen: Observation, start: float, end: float) -> Array:
         """(p, E, c₁, c₂), by the laboratory's clock, at the nodes of an interval; (nodes, 4)."""
-        assert seen.within is not None and seen.moments_within is not None
+        assert seen.within is not None
+        assert seen.moments_within is not None
         found = []
         for clock in ((start + end) / 2 + (end - start) / 2 * NODES).tolist():
             moments, place = seen.moments_within(clock), self.frame.place(clock)

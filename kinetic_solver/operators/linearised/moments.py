@@ -5,8 +5,8 @@ of velocity v by X and leaves it with V, jointly Gaussian (theory/ornstein_uhlen
 
     ∫v^n F̂_k(v, h) dv = Σ_v F̂_k(v) E[exp(-iκX) V^n | v] dv,
 
-and the expectation is exp(-iκ(mean X) - κ² var X/2) times the n-th moment of a normal V whose mean is moved by -iκ cov(X, V). What
-is left are four sums over v for each k. Test: tests/exact/test_linearised_grid.py.
+and the expectation is exp(-iκ(mean X) - κ² var X/2) times the n-th moment of a normal V whose mean is moved by -iκ cov(X, V).
+What is left are four sums over v for each k. Test: tests/exact/test_linearised_grid.py.
 """
 
 from __future__ import annotations

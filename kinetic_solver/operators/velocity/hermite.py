@@ -67,9 +67,15 @@ class HermiteBasis:
     def velocity_moments(self, a: Array) -> Array:
         """∫v^n f dv, n = 0 … 3, shape (4, nx), of the first four coefficients (nx, 4): exact."""
         c, s = self.centre, math.sqrt(self.variance)
-        first, second, third = s * a[:, 1], s**2 * (math.sqrt(2) * a[:, 2] + a[:, 0]), s**3 * (math.sqrt(6) * a[:, 3] + 3 * a[:, 1])
+        first, second, third = (
+            s * a[:, 1],
+            s**2 * (math.sqrt(2) * a[:, 2] + a[:, 0]),
+            s**3 * (math.sqrt(6) * a[:, 3] + 3 * a[:, 1]),
+        )
         n = a[:, 0]
-        return np.stack([n, first + c * n, second + 2 * c * first + c**2 * n, third + 3 * c * second + 3 * c**2 * first + c**3 * n])
+        return np.stack(
+            [n, first + c * n, second + 2 * c * first + c**2 * n, third + 3 * c * second + 3 * c**2 * first + c**3 * n]
+        )
 
     def totals(self, a: Array, dx: float) -> tuple[float, float, float]:
         """(mass, momentum, energy): ∫∫f, ∫∫v f, ½∫∫v² f dv dx."""
