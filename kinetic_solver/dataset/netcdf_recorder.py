@@ -174,6 +174,15 @@ class NetCDFRecorder:
             self._attempt(self._write)
 
     def _write(self) -> None:
+        self._put()
+        self._sync()
+        if not self._named:
+            self._part.replace(self.path)
+            sync_folder(self.path.parent)
+            self._named = True
+
+    def _put(self) -> None:
+        """What waits, in the library's hands."""
         for dimension, frames in self._waiting.items():
             if not frames:
                 continue
@@ -185,12 +194,7 @@ class NetCDFRecorder:
             self._file[dimension][block] = [time for time, _ in frames]
             self._count[dimension] += len(frames)
             frames.clear()
-        self._sync()
-        self._size, self._synced = 0, monotonic()
-        if not self._named:
-            self._part.replace(self.path)
-            sync_folder(self.path.parent)
-            self._named = True
+        self._size = 0
 
     def _attempt(self, write: Callable[[], None]) -> None:
         try:
@@ -205,10 +209,9 @@ class NetCDFRecorder:
         last = {"stopped": stopped} if stopped else dict(report or {})
         try:
             if self._named:
-                self.sync()
-                if last:
-                    self._file.setncatts(last)
-                    self._sync()
+                self._put()
+                self._file.setncatts(last)
+                self._sync()
                 self._file["status"][...] = STOPPED if stopped else FINISHED
                 self._sync()
             self._file.close()
@@ -238,3 +241,4 @@ class NetCDFRecorder:
             os.fsync(descriptor)
         finally:
             os.close(descriptor)
+        self._synced = monotonic()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,6 +11,8 @@ import numpy as np
 
 from kinetic_solver.arrays import Array
 from kinetic_solver.grid import PhaseSpaceGrid
+from kinetic_solver.operators.fourier import relative_amplitudes
+from kinetic_solver.operators.moments import Moments, moments
 from kinetic_solver.plan import Plan
 from kinetic_solver.solver.scheme import Scheme
 
@@ -72,6 +75,21 @@ class Observation:
     def time(self) -> float:
         """Of the laboratory."""
         return self.plan.reference_frame.place(self.clock).time
+
+    @functools.cached_property
+    def moments(self) -> Moments:
+        """Of f, (nx,) each."""
+        return moments(self.grid, self.f)
+
+    @functools.cached_property
+    def waves_in_x(self) -> Array:
+        """The largest amplitude of every wave in x over the largest of all, (nx//2 + 1,)."""
+        return relative_amplitudes(self.f)
+
+    @functools.cached_property
+    def waves_in_v(self) -> Array:
+        """Likewise in v, (nv//2 + 1,)."""
+        return relative_amplitudes(self.f, axis=1)
 
     @property
     def totals(self) -> tuple[float, float, float]:

@@ -9,14 +9,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TypeVar
 
 import numpy as np
 
 from kinetic_solver.arrays import Array
 from kinetic_solver.scene import Model
 
-T = TypeVar("T", float, Array)
+TERMS = 22
+"""Of the series for short times, a = γh ≤ 0.5: more than there are digits."""
+FACTORIALS = np.array([float(math.factorial(n)) for n in range(TERMS + 3)])
 
 
 @dataclass(frozen=True)
@@ -73,7 +74,10 @@ def bridge_variances(model: Model, h: Array) -> Array:
     if gamma * sigma == 0:
         return np.zeros_like(h)
     a = gamma * h
-    displacement = sigma * gamma * h**3 * np.where(a > 0.5, _psi_of_long(a), -_series(a, lambda n: 4.0 - 2.0**n, 3))
+    long = (2 * a + 4 * np.expm1(-a) - np.expm1(-2 * a)) / a**3
+    n = np.arange(3, 3 + TERMS)
+    short = np.polynomial.polynomial.polyval(-np.minimum(a, 0.5), (2.0**n - 4.0) / FACTORIALS[n])
+    displacement = sigma * gamma * h**3 * np.where(a > 0.5, long, short)
     covariance = sigma * gamma * (np.expm1(-a) / gamma) ** 2
     return np.maximum(0.0, displacement + covariance**2 / (sigma * np.expm1(-2 * a)))
 
@@ -128,14 +132,13 @@ def _psi(a: float) -> float:
     return -_series(a, lambda n: 4.0 - 2.0**n, 3)
 
 
-def _psi_of_long(a: Array) -> Array:
-    return np.asarray((2 * a + 4 * np.expm1(-a) - np.expm1(-2 * a)) / a**3)
-
-
-def _series(a: T, coefficient: Callable[[int], float], first: int) -> T:
-    """Σ_{n ≥ first} coefficient(n) (-1)^(n - first) a^(n - first)/n!."""
-    total, power = a * 0, a * 0 + 1.0 / math.factorial(first)
-    for n in range(first, first + 22):
+def _series(a: float, coefficient: Callable[[int], float], first: int) -> float:
+    """Σ_{n ≥ first} coefficient(n) (-1)^(n - first) a^(n - first)/n!, for a ≤ 0.5."""
+    total, power = 0.0, 1.0 / math.factorial(first)
+    for n in range(first, first + TERMS):
+        before = total
         total += coefficient(n) * power
+        if total == before:
+            break  # as the terms to come are smaller still
         power *= -a / (n + 1)
     return total
