@@ -142,12 +142,13 @@ class Ledger:
         """(p, E, c₁, c₂), by the laboratory's clock, at the nodes of an interval; (nodes, 4)."""
         assert seen.within is not None
         assert seen.moments_within is not None
+        clocks = ((start + end) / 2 + (end - start) / 2 * NODES).tolist()
+        all_moments = seen.moments_within(clocks)
+        if all_moments is None:
+            all_moments = np.array([velocity_moments(seen.grid, seen.within(clock)) for clock in clocks])
         found = []
-        for clock in ((start + end) / 2 + (end - start) / 2 * NODES).tolist():
-            moments, place = seen.moments_within(clock), self.frame.place(clock)
-            if moments is None:
-                moments = velocity_moments(seen.grid, seen.within(clock))
-            mass, p, energy = (float(value) for value in moments[:3].sum(axis=1) * seen.grid.dx)
+        for clock, moments, total in zip(clocks, all_moments, all_moments[:, :3].sum(axis=2) * seen.grid.dx, strict=True):
+            place, (mass, p, energy) = self.frame.place(clock), total.tolist()
             sample = np.array([*place.totals((mass, p, energy / 2))[1:], *_by_following(seen, moments, place)])
             found.append(sample / place.scale)
         return np.array(found)

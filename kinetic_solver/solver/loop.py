@@ -147,7 +147,7 @@ class March:
         points = self.scheme.representation.points
         f_within = None if within is None else lambda t: points(within(t - start))
         moments = taken.moments
-        moments_within = None if moments is None else lambda t: moments(t - start)
+        moments_within = None if moments is None else lambda clocks: moments([t - start for t in clocks])
         stretch = None if taken.stretch is None else (start + taken.stretch[0], start + taken.stretch[1])
         looked_at = (f_within, moments_within, stretch, taken.side)
         self.now = seen = Observation.of(self.scheme, clock, taken.state, last.clock, taken.error, *looked_at)

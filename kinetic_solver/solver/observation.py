@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,8 +34,8 @@ class Observation:
     """Estimated max|error| that this step made."""
     within: Callable[[float], Array] | None = None
     """f (nx, nv) at any clock of the stretch; None where only the ends of steps are known."""
-    moments_within: Callable[[float], Array | None] | None = None
-    """∫v^n f dv, n = 0 … 3, (4, nx), likewise; None for an answer where f is to be asked for."""
+    moments_within: Callable[[Sequence[float]], Array | None] | None = None
+    """∫v^n f dv, n = 0 … 3, (clocks, 4, nx), likewise; None for an answer where f is to be asked for."""
     stretch: tuple[float, float] | None = None
     """Clocks between which these are good: that step, and what surrounds it."""
     side: bool = False
@@ -50,7 +50,7 @@ class Observation:
         since: float = -math.inf,
         error: float = 0.0,
         within: Callable[[float], Array] | None = None,
-        moments_within: Callable[[float], Array | None] | None = None,
+        moments_within: Callable[[Sequence[float]], Array | None] | None = None,
         stretch: tuple[float, float] | None = None,
         side: bool = False,
     ) -> Observation:

@@ -18,6 +18,7 @@ Tests: tests/exact/test_linearised_grid.py.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -144,8 +145,8 @@ class GridLinearisedStep:
             w = np.fft.irfft(s * np.fft.rfft(n) / (s * mean + 1j * k), n=self.grid.nx)
             return self._with_density(values, n, w, mean + derivative(np.log(w), k) / s, rounded=True)
 
-    def moments(self, lifted: Lifted, h: float, blur: float = 0.0) -> Array | None:
-        """∫v^n f dv after h, n = 0 … 3, shape (4, nx), at a fraction of what f costs (operators/linearised/moments.py).
+    def moments(self, lifted: Lifted, times: Sequence[float], blurs: Sequence[float]) -> Array | None:
+        """∫v^n f dv, n = 0 … 3, after each time, shape (times, 4, nx), at a fraction of what f costs (linearised/moments.py).
 
         None where the global gauge has too much round-off for them, and where the start has jumps that it would not resolve.
         """
@@ -154,7 +155,7 @@ class GridLinearisedStep:
         _, modes, mean = self._modes_of
         if modes is None:
             return None
-        return moments_after(self.grid, self.model, self.cross_section, modes, mean, h, blur)
+        return moments_after(self.grid, self.model, self.cross_section, modes, mean, times, blurs)
 
     def _modes(self, lifted: Lifted) -> tuple[NDArray[np.complex128] | None, float]:
         """The Fourier modes of F's periodic part, and the mean density."""

@@ -9,6 +9,7 @@ S n_k/(R + ik), n = ∫F dv. f = F/W.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -122,11 +123,16 @@ class HermiteLinearisedStep:
         a *= self.mean_density / a[:, 0].mean()
         return a
 
-    def moments(self, spectrum: NDArray[np.complex128], h: float, blur: float = 0.0) -> Array | None:
-        """∫v^n f dv after h, n = 0 … 3, shape (4, nx): of the propagators four rows are enough. `blur` as for `lower`: none.
+    def moments(self, spectrum: NDArray[np.complex128], times: Sequence[float], blurs: Sequence[float]) -> Array | None:
+        """∫v^n f dv, n = 0 … 3, after each time, shape (times, 4, nx): of the propagators four rows are enough.
 
-        None where W comes out negative. Nothing of it is noted.
+        Not blurred, as by `lower`. None where W comes out negative.
         """
+        found = [self._moments_after(spectrum, h) for h in times]
+        there = [moments for moments in found if moments is not None]
+        return np.stack(there) if len(there) == len(found) else None
+
+    def _moments_after(self, spectrum: NDArray[np.complex128], h: float) -> Array | None:
         rows = propagators(self.basis, self._wavenumbers, self._bloch, self.model, h, MOMENTS)
         if self._nx % 2 == 0:
             rows[-1] = rows[-1].real

@@ -11,6 +11,8 @@ What is left are four sums over v for each k. Test: tests/exact/test_linearised_
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,52 +20,75 @@ from kinetic_solver.arrays import Array
 from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.operators.linear import FADED
 from kinetic_solver.scene import Model
-from kinetic_solver.theory.ornstein_uhlenbeck import transition
+from kinetic_solver.theory.ornstein_uhlenbeck import Transition, transition
 
 MOMENTS = 4
 """Of v^0 … v^3: what momentum, energy, and their rates by operator (6) take."""
 
 
 def moments_after(
-    grid: PhaseSpaceGrid, model: Model, cross_section: float, modes: NDArray[np.complex128], mean: float, h: float, blur: float
+    grid: PhaseSpaceGrid,
+    model: Model,
+    cross_section: float,
+    modes: NDArray[np.complex128],
+    mean: float,
+    times: Sequence[float],
+    blurs: Sequence[float],
 ) -> Array | None:
-    """∫v^n f dv at each x after h, shape (4, nx); None where they come out as no numbers, or of no positive exp(SΦ).
+    """∫v^n f dv at each x after each time, (times, 4, nx); None where they are no numbers, or of no positive exp(SΦ).
 
     `modes`: the Fourier modes along x of F's periodic part, (nx//2 + 1, nv), up to a constant factor. `mean`: the mean density.
-    `blur`: F is blurred in x by a Gaussian of this variance first. Spectrally accurate in dv and dx; round-off as in the global
-    gauge. Relative to the largest wave, what noise leaves of the others may be below rounding: these are left out.
+    `blurs`: F is blurred in x by Gaussians of these variances first. Spectrally accurate in dv and dx; round-off as in the
+    global gauge. What noise damps below rounding is left out.
     """
-    step, growth, k, v = transition(model, h), cross_section * mean, grid.wavenumbers, grid.v
-    damping = k**2 * (step.displacement_variance + blur) / 2
-    kept = int(np.searchsorted(damping, FADED, side="right"))
+    steps = [transition(model, h) for h in times]
+    growth, k, v = cross_section * mean, grid.wavenumbers, grid.v
+    spread = np.array([step.displacement_variance for step in steps])[:, None]
+    damping = k**2 * (spread + np.array(blurs)[:, None]) / 2
+    kept = np.sum(damping <= FADED, axis=1)
     if grid.nx % 2 == 0 and grid.nx > 1:
-        kept = min(kept, k.size - 1)  # the Nyquist cosine, which has no displacement on the grid
+        kept = np.minimum(kept, k.size - 1)  # the Nyquist cosine has no displacement on the grid
+    powers = v ** np.arange(MOMENTS)[:, None]
     with np.errstate(all="ignore"):
-        # exp(-iκ(mean X)), the part that depends on v; constant factors do not matter
-        weight = -growth * step.drift_time * v
-        powers = np.exp(weight - weight.max()) * v ** np.arange(MOMENTS)[:, None]
-        shear = np.ones((kept, v.size), dtype=np.complex128)
-        if kept > 1:
-            shear[1:] = np.exp(-1j * k[1] * step.drift_time * v)
-        np.multiply.accumulate(shear, axis=0, out=shear)
-        shear *= modes[:kept]
-        sums = shear @ powers.T.astype(np.complex128)
-        uniform = -1j * k[:kept] * (step.displacement_shift - growth * step.displacement_variance) - damping[:kept]
-        sums *= np.exp(uniform)[:, None]
-        e, noise = step.decay, step.velocity_variance
-        mean_v = step.velocity_shift - (1j * k[:kept] + growth) * step.covariance
-        s0, s1, s2, s3 = sums.T
-        found = np.zeros((MOMENTS, k.size), dtype=np.complex128)
-        found[0, :kept] = s0
-        found[1, :kept] = e * s1 + mean_v * s0
-        found[2, :kept] = e**2 * s2 + 2 * e * mean_v * s1 + (mean_v**2 + noise) * s0
-        found[3, :kept] = (
-            e**3 * s3 + 3 * e**2 * mean_v * s2 + 3 * e * (mean_v**2 + noise) * s1 + (mean_v**2 + 3 * noise) * mean_v * s0
+        sums = np.zeros((len(steps), k.size, MOMENTS), dtype=np.complex128)
+        for step, count, into in zip(steps, kept.tolist(), sums, strict=True):
+            into[:count] = _sums(modes[:count], k, v, powers, growth, step.drift_time)
+        # exp(-iκ(mean X)) without the factors that do not depend on k, and the mean of V
+        sums *= np.exp(1j * k * (growth * spread - _column(steps, "displacement_shift")) - damping)[:, :, None]
+        moved = _column(steps, "velocity_shift") - (1j * k + growth) * _column(steps, "covariance")
+        e, noise = _column(steps, "decay"), _column(steps, "velocity_variance")
+        s0, s1, s2, s3 = sums[..., 0], e * sums[..., 1], e**2 * sums[..., 2], e**3 * sums[..., 3]
+        second = moved**2 + noise
+        found = np.stack(
+            [
+                s0,
+                s1 + moved * s0,
+                s2 + 2 * moved * s1 + second * s0,
+                s3 + 3 * moved * s2 + 3 * second * s1 + (second + 2 * noise) * moved * s0,
+            ],
+            axis=1,
         )
         # E = exp(SΦ) = W exp(Rx) obeys E_x = S∫F dv
-        gauge = np.fft.irfft(cross_section * found[0] / (growth + 1j * k), n=grid.nx)
-        moments = np.fft.irfft(found, n=grid.nx, axis=1) / gauge
-        moments *= mean / moments[0].mean()
-    if not (gauge.min() * gauge.max() > 0 and np.isfinite(moments).all()):
+        gauge = np.fft.irfft(cross_section * s0 / (growth + 1j * k), n=grid.nx, axis=1)
+        moments = np.fft.irfft(found, n=grid.nx, axis=2) / gauge[:, None]
+        moments *= mean / moments[:, :1].mean(axis=2, keepdims=True)
+    if not ((gauge.min(axis=1) > 0).all() and np.isfinite(moments).all()):
         return None
     return np.asarray(moments)
+
+
+def _sums(
+    modes: NDArray[np.complex128], k: Array, v: Array, powers: Array, growth: float, drift_time: float
+) -> NDArray[np.complex128]:
+    """Σ_v F̂_k(v) exp(-iκ drift_time v) v^n, (modes, 4), up to a constant factor."""
+    weight = -growth * drift_time * v
+    shear = np.ones(modes.shape, dtype=np.complex128)
+    if len(modes) > 1:
+        shear[1:] = np.exp(-1j * k[1] * drift_time * v)
+        np.multiply.accumulate(shear, axis=0, out=shear)
+    shear *= modes
+    return np.asarray(shear @ (np.exp(weight - weight.max()) * powers).T.astype(np.complex128))
+
+
+def _column(steps: list[Transition], name: str) -> Array:
+    return np.array([getattr(step, name) for step in steps])[:, None]
