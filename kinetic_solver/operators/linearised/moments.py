@@ -82,10 +82,14 @@ def _sums(
 ) -> NDArray[np.complex128]:
     """Σ_v F̂_k(v) exp(-iκ drift_time v) v^n, (modes, 4), up to a constant factor."""
     weight = -growth * drift_time * v
+    # exp(-ik drift_time v) of all k from that of the first by doubling: exponentials of all of them would take longest here.
     shear = np.ones(modes.shape, dtype=np.complex128)
-    if len(modes) > 1:
-        shear[1:] = np.exp(-1j * k[1] * drift_time * v)
-        np.multiply.accumulate(shear, axis=0, out=shear)
+    power = np.exp(-1j * k[1] * drift_time * v) if len(modes) > 1 else shear[0]
+    filled = 1
+    while filled < len(modes):
+        more = min(filled, len(modes) - filled)
+        np.multiply(shear[:more], power, out=shear[filled : filled + more])
+        filled, power = filled + more, power * power
     shear *= modes
     return np.asarray(shear @ (np.exp(weight - weight.max()) * powers).T.astype(np.complex128))
 
