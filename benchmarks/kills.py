@@ -63,7 +63,7 @@ SCENES: dict[str, dict[str, Any]] = {
 """By method; the Hermite hierarchy of method hydrodynamics stands beside its closure."""
 PLACES: dict[str, tuple[type, str]] = {
     "a step": (Keeper, "look"),
-    "a write": (NetCDFRecorder, "record"),
+    "a write": (NetCDFRecorder, "sync"),
     "keeping a frame": (FrameStore, "append"),
     "a checkpoint": (Checkpoint, "save"),
     "a rename": (Path, "replace"),
@@ -157,13 +157,14 @@ def run(name: str, path: Path, place: str, call: int, after: float, tell: Callab
             return function(*arguments, **options)
 
         setattr(owner, attribute, trapped)
-    record = NetCDFRecorder.record
+    sync = NetCDFRecorder.sync
 
-    def told(*arguments: Any) -> None:
-        record(*arguments)
-        tell(".")
+    def told(recorder: NetCDFRecorder) -> None:
+        before = recorder._count["time"]
+        sync(recorder)
+        tell("." * (recorder._count["time"] - before))
 
-    NetCDFRecorder.record = told  # type: ignore[method-assign]
+    NetCDFRecorder.sync = told  # type: ignore[method-assign]
     run_to_file(scene_of(name), path, method_of(name), resume=True)
 
 

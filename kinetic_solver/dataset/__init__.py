@@ -13,8 +13,9 @@ from kinetic_solver.dataset.files import (
     write_dataset,
 )
 from kinetic_solver.dataset.lock import one_writer
+from kinetic_solver.dataset.netcdf_recorder import NetCDFRecorder
 from kinetic_solver.dataset.provenance import attributes, law_attribute, version
-from kinetic_solver.dataset.recorders import MemoryRecorder, NetCDFRecorder, Recorder, recording
+from kinetic_solver.dataset.recorders import MemoryRecorder, Recorder, recording
 from kinetic_solver.dataset.schema import FINISHED, RUNNING, STOPPED, VARIABLES, Frame, Variables
 
 __all__ = [

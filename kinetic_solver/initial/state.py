@@ -14,6 +14,8 @@ from kinetic_solver.scene import Scene
 
 def maxwellian(density: Array, mean_velocity: Array, temperature: Array, v: Array) -> Array:
     """ρ N(v; u, θ), shape (nx, nv)."""
+    if np.ptp(mean_velocity) == np.ptp(temperature) == 0:
+        mean_velocity, temperature = mean_velocity[:1], temperature[:1]  # of one shape at every x
     w = v[None, :] - mean_velocity[:, None]
     theta = temperature[:, None]
     return density[:, None] * np.exp(-(w**2) / (2 * theta)) / np.sqrt(2 * np.pi * theta)

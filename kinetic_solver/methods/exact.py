@@ -20,7 +20,7 @@ def run(job: Job) -> list[str]:
     done = 0 if resumed.state is None else int(resumed.state["frames"])
     after = float(schedule.times[done - 1]) if done else None
     recorder = job.recorder(grid, schedule, exact.VARIABLES, after=after)
-    keeper = job.keeper(resumed)
+    keeper = job.keeper(resumed, recorder)
     with recording(recorder):
         for count, (time, frame) in enumerate(exact.frames(job.scene, grid, schedule, done), done + 1):
             recorder.record(time, frame)

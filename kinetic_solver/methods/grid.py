@@ -20,7 +20,7 @@ def run(job: Job) -> list[str]:
     times, state = plan.schedule.times, resumed.state
     after = None if state is None else float(times[state["frame"]])
     recorder = job.recorder(plan.output, plan.schedule, scene=scene, after=after, notes=notes)
-    keeper = job.keeper(resumed)
+    keeper = job.keeper(resumed, recorder)
 
     def after_step(march: March) -> None:
         keeper.look(march.now.time, lambda: checkpoint.snapshot(march))

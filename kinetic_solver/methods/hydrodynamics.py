@@ -20,7 +20,7 @@ def run(job: Job) -> list[str]:
     state = resumed.state
     after = None if state is None else float(plan.schedule.times[state["recorded"] - 1])
     recorder = job.recorder(plan.output, plan.schedule, hydrodynamics.variables(plan), after=after)
-    keeper = job.keeper(resumed)
+    keeper = job.keeper(resumed, recorder)
     store = FrameStore(resumed.checkpoint.scratch)
 
     def after_step(run: Run) -> None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from time import monotonic
 from typing import Any
 
-from kinetic_solver.dataset import Checkpoint
+from kinetic_solver.dataset import Checkpoint, NetCDFRecorder
 from kinetic_solver.errors import RunUnfinished
 
 SHARE = 20
@@ -32,9 +32,17 @@ class Interruption:
 class Keeper:
     """Keeps the checkpoints of a run, and stops it where its time is over or somebody wants it."""
 
-    def __init__(self, checkpoint: Checkpoint, max_walltime: float | None, interruption: Interruption, began: float) -> None:
+    def __init__(
+        self,
+        checkpoint: Checkpoint,
+        recorder: NetCDFRecorder,
+        max_walltime: float | None,
+        interruption: Interruption,
+        began: float,
+    ) -> None:
         """`began`: the monotonic clock when the run began, from which `max_walltime` counts, in seconds."""
-        self._checkpoint, self._max_walltime, self._interruption, self._began = checkpoint, max_walltime, interruption, began
+        self._checkpoint, self._recorder = checkpoint, recorder
+        self._max_walltime, self._interruption, self._began = max_walltime, interruption, began
         self._last, self._took = began, 0.0
 
     def look(self, time: float, state: Callable[[], Any | None]) -> None:
@@ -44,6 +52,7 @@ class Keeper:
         """
         asked, now = self._interruption, monotonic()
         asked.heeded = True
+        self._recorder.settle()
         late = self._max_walltime is not None and now - self._began > self._max_walltime
         stop = late or asked.stop is not None
         if not (stop or asked.keep or now - self._last >= SHARE * self._took):
@@ -51,6 +60,7 @@ class Keeper:
         found = state()
         if found is None:
             return
+        self._recorder.sync()  # a checkpoint speaks of the frames before it
         self._checkpoint.save(time, found)
         self._last = monotonic()
         self._took = self._last - now

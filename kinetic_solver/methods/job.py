@@ -57,13 +57,13 @@ class Job:
             return Resumed(checkpoint, finished=True)
         return Resumed(checkpoint, checkpoint.load())
 
-    def keeper(self, resumed: Resumed) -> Keeper:
+    def keeper(self, resumed: Resumed, recorder: NetCDFRecorder) -> Keeper:
         """For the run that is now to begin or to go on. What checkpoints lie there that it does not go on from are removed."""
         if resumed.state is None:
             resumed.checkpoint.remove()
             if self.resume:
                 self.interruption.answer(f"{self.path}: there is no checkpoint to go on from; the run starts at t = 0")
-        return Keeper(resumed.checkpoint, self.max_walltime, self.interruption, self.began)
+        return Keeper(resumed.checkpoint, recorder, self.max_walltime, self.interruption, self.began)
 
     def recorder(
         self,

@@ -28,7 +28,7 @@ def run(job: Job) -> list[str]:
     after = None if state is None else float(state["time"])
     table, more = variables(scene, plan.grid), coordinates(scene, plan.grid)
     recorder = job.recorder(plan.grid, plan.schedule, table, scene, more, after, notes)
-    keeper = job.keeper(resumed)
+    keeper = job.keeper(resumed, recorder)
     if "warning" in said:
         warnings.warn(said["warning"], stacklevel=4)
 

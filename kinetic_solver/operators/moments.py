@@ -38,6 +38,11 @@ def moments(grid: PhaseSpaceGrid, f: Array) -> Moments:
     return Moments(density, u, temperature, (fc2 * c).sum(axis=1) * grid.dv)
 
 
+def velocity_moments(grid: PhaseSpaceGrid, f: Array) -> Array:
+    """∫v^n f dv, n = 0 … 3, of f (nx, nv); shape (4, nx)."""
+    return np.asarray((f @ (grid.v[:, None] ** np.arange(4) * grid.dv)).T)
+
+
 def totals(grid: PhaseSpaceGrid, f: Array) -> tuple[float, float, float]:
     """(mass, momentum, energy): ∫∫f, ∫∫v f, ½∫∫v² f dv dx."""
     over_x = f.sum(axis=0) * (grid.dx * grid.dv)

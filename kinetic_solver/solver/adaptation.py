@@ -17,7 +17,7 @@ from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.operators.moments import moments
 from kinetic_solver.plan import Plan, check_memory, in_t, in_v, in_x
 from kinetic_solver.plan.waves import mixing
-from kinetic_solver.solver.estimate import enough_velocities, shortest_waves
+from kinetic_solver.solver.estimate import enough_velocities, shortest_of
 from kinetic_solver.solver.monitor import SHARE, Problem, Quantity, amplified, amplified_waves, folds, free
 from kinetic_solver.solver.observation import Observation
 from kinetic_solver.solver.regrid import window_in_cells
@@ -131,7 +131,7 @@ def suspect(seen: Observation) -> Quantity:
 def to_blame(seen: Observation) -> Quantity | None:
     """What of the grid makes errors that no shorter step mends; None where none of it does."""
     what = suspect(seen)
-    if what == "nv" and shortest_waves(seen.f) < ENDS * seen.plan.inner.accuracy.rtol:
+    if what == "nv" and shortest_of(seen.waves_in_v) < ENDS * seen.plan.inner.accuracy.rtol:
         return None
     return what
 

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.polynomial import legendre
 
 from kinetic_solver.arrays import Array
-from kinetic_solver.operators.moments import totals
+from kinetic_solver.operators.collisions import FollowLeader
+from kinetic_solver.operators.moments import totals, velocity_moments
 from kinetic_solver.plan import in_t
 from kinetic_solver.plan.moving_frame import Place
 from kinetic_solver.solver.observation import Observation
@@ -123,7 +124,7 @@ class Ledger:
 
     def _note(self, seen: Observation) -> None:
         place = self.frame.place(seen.clock)
-        self._nodes.append((place.time, np.array(place.totals(seen.totals)), _collisions(seen, seen.f, place)))
+        self._nodes.append((place.time, np.array(place.totals(seen.totals)), _collisions(seen, place)))
 
     def _integrate(self, seen: Observation) -> None:
         """Over a step, in pieces that no frame changes: between links, shorter ones while the start's waves mix."""
@@ -140,10 +141,15 @@ class Ledger:
     def _samples(self, seen: Observation, start: float, end: float) -> Array:
         """(p, E, c₁, c₂), by the laboratory's clock, at the nodes of an interval; (nodes, 4)."""
         assert seen.within is not None
+        assert seen.moments_within is not None
+        clocks = ((start + end) / 2 + (end - start) / 2 * NODES).tolist()
+        all_moments = seen.moments_within(clocks)
+        if all_moments is None:
+            all_moments = np.array([velocity_moments(seen.grid, seen.within(clock)) for clock in clocks])
         found = []
-        for clock in ((start + end) / 2 + (end - start) / 2 * NODES).tolist():
-            f, place = seen.within(clock), self.frame.place(clock)
-            sample = np.array([*place.totals(totals(seen.grid, f))[1:], *_collisions(seen, f, place)])
+        for clock, moments, total in zip(clocks, all_moments, all_moments[:, :3].sum(axis=2) * seen.grid.dx, strict=True):
+            place, (mass, p, energy) = self.frame.place(clock), total.tolist()
+            sample = np.array([*place.totals((mass, p, energy / 2))[1:], *_by_following(seen, moments, place)])
             found.append(sample / place.scale)
         return np.array(found)
 
@@ -212,9 +218,19 @@ class Ledger:
         }
 
 
-def _collisions(seen: Observation, f: Array, place: Place) -> Array:
-    """(c₁, c₂), by the laboratory's clock, of an f on the grid that is seen."""
-    if seen.scheme.operator is None:
+def _collisions(seen: Observation, place: Place) -> Array:
+    """(c₁, c₂), by the laboratory's clock, of what is seen."""
+    operator = seen.scheme.operator
+    if operator is None:
         return np.zeros(2)
-    _, p, energy = totals(seen.grid, seen.scheme.operator.rate(f))
+    if isinstance(operator, FollowLeader):
+        return _by_following(seen, velocity_moments(seen.grid, seen.f), place)
+    _, p, energy = totals(seen.grid, operator.rate(seen.f))
     return np.array(place.rates((p, energy)))
+
+
+def _by_following(seen: Observation, moments: Array, place: Place) -> Array:
+    """(c₁, c₂) by operator (6), whose rates are products of velocity moments."""
+    operator = seen.scheme.operator
+    assert isinstance(operator, FollowLeader)
+    return np.array(place.rates(operator.brought(moments, seen.grid.dx)))

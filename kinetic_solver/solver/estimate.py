@@ -12,7 +12,6 @@ from kinetic_solver.arrays import Array
 from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.operators.collisions import POINTS, RefinableRate
 from kinetic_solver.operators.fourier import relative_amplitudes
-from kinetic_solver.operators.moments import moments
 from kinetic_solver.operators.velocity import OrnsteinUhlenbeckKernel
 from kinetic_solver.operators.velocity.kernel import resolution, resolved_spacing
 from kinetic_solver.plan import Plan, in_t, in_v, measured
@@ -113,7 +112,7 @@ def waves_in_v(seen: Observation) -> float:
     It is about a between the points, and where a step was not resolved. At the points, and in sums over them, only waves of
     twice that wavenumber err, which a smooth spectrum makes smaller than a²: so it is where exact steps resolve their kernel.
     """
-    amplitude = shortest_waves(seen.f)
+    amplitude = shortest_of(seen.waves_in_v)
     plan = seen.plan
     if not seen.scheme.exact or plan.reference_frame.moving or plan.drift_diffusion != "kernel":
         return amplitude
@@ -127,7 +126,11 @@ def waves_in_v(seen: Observation) -> float:
 
 def shortest_waves(f: Array, share: float = 0.0) -> float:
     """The amplitude of the shortest waves in v, this share of them but at least two, over the largest of all."""
-    amplitude = relative_amplitudes(f, axis=1)
+    return shortest_of(relative_amplitudes(f, axis=1), share)
+
+
+def shortest_of(amplitude: Array, share: float = 0.0) -> float:
+    """The largest of the last amplitudes, likewise."""
     return float(amplitude[-max(2, int(share * amplitude.size)) :].max())
 
 
@@ -145,7 +148,7 @@ def rate_error(seen: Observation, time: float) -> float:
     here that of the mean density and temperature. Held against true errors in tests/convergence/test_estimate.py.
     """
     operator, f, plan = seen.scheme.operator, seen.f, seen.plan
-    if not isinstance(operator, RefinableRate):
+    if plan.law is None or plan.law.linearises or not isinstance(operator, RefinableRate):
         return 0.0
     nv = f.shape[1]
     half_cells = (1 / nv - 1 / (2 * nv)) / 2
@@ -163,7 +166,7 @@ def rate_error(seen: Observation, time: float) -> float:
 
 def _forgetting(seen: Observation) -> float:
     """1/time; in two digits, so that its tables serve more than once."""
-    law, m = seen.plan.law, moments(seen.grid, seen.f)
+    law, m = seen.plan.law, seen.moments
     if law is None or law.dissipation == 0:
         return 0.0
     mean = float(m.density.mean())
@@ -202,11 +205,11 @@ Chosen."""
 
 def enough_velocities(seen: Observation) -> int:
     """The nv, on the same window, that would do for operator (12) to the end of the run."""
-    plan, f = seen.plan, seen.f
+    plan = seen.plan
     nv, rtol = plan.grid.nv, plan.inner.accuracy.rtol
     if plan.deposit is None or plan.velocity == "hermite" or plan.drift_diffusion != "kernel":
         return nv
     error = rate_error(seen, plan.inner.run.end_time)
     by_deposit = nv * (error / (ENOUGH_FOR_RATE * rtol)) ** (1 / POINTS[plan.deposit]) if error > 0 else 0.0
-    waves = int(np.flatnonzero(relative_amplitudes(f, axis=1) > rtol / ENOUGH_FOR_WAVES)[-1])
+    waves = int(np.flatnonzero(seen.waves_in_v > rtol / ENOUGH_FOR_WAVES)[-1])
     return min(nv, max(math.ceil(by_deposit), 2 * waves + 4))

@@ -146,8 +146,11 @@ class March:
         within = taken.within
         points = self.scheme.representation.points
         f_within = None if within is None else lambda t: points(within(t - start))
+        moments = taken.moments
+        moments_within = None if moments is None else lambda clocks: moments([t - start for t in clocks])
         stretch = None if taken.stretch is None else (start + taken.stretch[0], start + taken.stretch[1])
-        self.now = seen = Observation.of(self.scheme, clock, taken.state, last.clock, taken.error, f_within, stretch, taken.side)
+        looked_at = (f_within, moments_within, stretch, taken.side)
+        self.now = seen = Observation.of(self.scheme, clock, taken.state, last.clock, taken.error, *looked_at)
         self.memory = taken.memory
         self.errors += taken.error
         self.shortest = min(self.shortest, taken.length)

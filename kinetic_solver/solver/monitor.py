@@ -12,10 +12,8 @@ import numpy as np
 from kinetic_solver.arrays import Array
 from kinetic_solver.errors import SolverStopped
 from kinetic_solver.laws import FollowTheLeader
-from kinetic_solver.operators.fourier import relative_amplitudes
-from kinetic_solver.operators.moments import moments
 from kinetic_solver.plan import Plan
-from kinetic_solver.solver.estimate import last_functions, rate_error, shortest_waves
+from kinetic_solver.solver.estimate import last_functions, rate_error, shortest_of
 from kinetic_solver.solver.observation import Observation
 from kinetic_solver.theory.ornstein_uhlenbeck import transition
 
@@ -197,7 +195,7 @@ def _too_coarse(seen: Observation) -> Problem | None:
         return Problem("nv", tail, _when(seen), text)
     if free(plan, "low"):  # an edge that cuts f, as a given window's may, has short waves of its own
         folding = folds(plan)
-        error = shortest_waves(seen.f, HIGHEST_WAVES if folding else 0.0) / OVERRATED
+        error = shortest_of(seen.waves_in_v, HIGHEST_WAVES if folding else 0.0) / OVERRATED
         if plan.law is not None:
             error = max(error, rate_error(seen, seen.clock) / RATE_SHARE)
         if error > rtol:
@@ -230,7 +228,7 @@ def _exponents(seen: Observation) -> Array:
     scene, law = seen.plan.inner, seen.plan.law
     if not isinstance(law, FollowTheLeader) or seen.side:
         return np.zeros((1, 1))
-    m = moments(seen.grid, seen.f)
+    m = seen.moments
     left = max(0.0, scene.run.end_time - seen.clock)
     gain = law.cross_section * m.density * transition(scene.model, left).drift_time
     exponent = gain[:, None] * (m.mean_velocity[:, None] - seen.grid.v) - (gain**2 * m.temperature / 2)[:, None]
@@ -241,5 +239,5 @@ def spectral_tail(seen: Observation) -> float:
     """The largest |f_k(v)| in the highest eighth of wavenumbers over the largest of all; 0 where modes do not couple."""
     if seen.grid.nx < 3 or seen.plan.law is None:
         return 0.0
-    amplitude = relative_amplitudes(seen.f)
+    amplitude = seen.waves_in_x
     return float(amplitude[amplitude.size - max(1, amplitude.size // 8) :].max())

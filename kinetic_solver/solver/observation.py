@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import functools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from kinetic_solver.arrays import Array
 from kinetic_solver.grid import PhaseSpaceGrid
+from kinetic_solver.operators.fourier import relative_amplitudes
+from kinetic_solver.operators.moments import Moments, moments
 from kinetic_solver.plan import Plan
 from kinetic_solver.solver.scheme import Scheme
 
@@ -31,8 +34,10 @@ class Observation:
     """Estimated max|error| that this step made."""
     within: Callable[[float], Array] | None = None
     """f (nx, nv) at any clock of the stretch; None where only the ends of steps are known."""
+    moments_within: Callable[[Sequence[float]], Array | None] | None = None
+    """∫v^n f dv, n = 0 … 3, (clocks, 4, nx), likewise; None for an answer where f is to be asked for."""
     stretch: tuple[float, float] | None = None
-    """Clocks between which `within` is good: that step, and what surrounds it."""
+    """Clocks between which these are good: that step, and what surrounds it."""
     side: bool = False
     """True where nothing is built upon this state: (6) will not amplify what is wrong with it."""
 
@@ -45,11 +50,13 @@ class Observation:
         since: float = -math.inf,
         error: float = 0.0,
         within: Callable[[float], Array] | None = None,
+        moments_within: Callable[[Sequence[float]], Array | None] | None = None,
         stretch: tuple[float, float] | None = None,
         side: bool = False,
     ) -> Observation:
         state = np.ascontiguousarray(state)  # as a checkpoint gives it back: the order of sums is that of the memory
-        return cls(scheme, clock, state, scheme.representation.points(state), since, error, within, stretch, side)
+        points = scheme.representation.points(state)
+        return cls(scheme, clock, state, points, since, error, within, moments_within, stretch, side)
 
     @property
     def plan(self) -> Plan:
@@ -68,6 +75,21 @@ class Observation:
     def time(self) -> float:
         """Of the laboratory."""
         return self.plan.reference_frame.place(self.clock).time
+
+    @functools.cached_property
+    def moments(self) -> Moments:
+        """Of f, (nx,) each."""
+        return moments(self.grid, self.f)
+
+    @functools.cached_property
+    def waves_in_x(self) -> Array:
+        """The largest amplitude of every wave in x over the largest of all, (nx//2 + 1,)."""
+        return relative_amplitudes(self.f)
+
+    @functools.cached_property
+    def waves_in_v(self) -> Array:
+        """Likewise in v, (nv//2 + 1,)."""
+        return relative_amplitudes(self.f, axis=1)
 
     @property
     def totals(self) -> tuple[float, float, float]:

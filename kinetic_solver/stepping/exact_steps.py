@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -33,6 +33,11 @@ class ExactStep(Protocol):
         """f of a lifted state, blurred in x by a Gaussian of this variance. `propagate` and this may raise LostAccuracy."""
         ...
 
+    def moments(self, lifted: Any, times: Sequence[float], blurs: Sequence[float]) -> Array | None:
+        """∫v^n f dv, n = 0 … 3, of `lower(propagate(lifted, h), blur)` for each h of times and its blur, (times, 4, nx); None
+        where f itself is to be asked for."""
+        ...
+
 
 class Plain:
     """An exact substep as an ExactStep: states are f itself."""
@@ -45,6 +50,9 @@ class Plain:
 
     def lower(self, lifted: Array, blur: float = 0.0) -> Array:
         return lifted
+
+    def moments(self, lifted: Array, times: Sequence[float], blurs: Sequence[float]) -> None:
+        return None
 
 
 @dataclass(frozen=True)
@@ -135,6 +143,7 @@ class ExactSteps:
             0.0,
             dataclasses.replace(chain, time=time),
             within=lambda t: self._at(memory, start + t),
+            moments=lambda times: self._moments_at(memory, [start + t for t in times]),
             stretch=(before - start, after - start),
             side=chain is memory,
         )
@@ -163,6 +172,13 @@ class ExactSteps:
             elif self.early is not None:
                 return self._or_fall_back(lambda: (None, self.early(time)), link, time)[1]  # type: ignore[misc]
         return self._from(link, time)[1]
+
+    def _moments_at(self, chain: Chain, times: list[float]) -> Array | None:
+        """Velocity moments at any times after the chain's last link: their closed form has no shortest step."""
+        link = chain.links[0]
+        if min(times) <= link.time:
+            return None
+        return self.exact.moments(link.lifted, [time - link.time for time in times], [self.blur(time) for time in times])
 
     def _from(self, link: Link, time: float) -> tuple[Any, Array]:
         """(lifted state, f) at the time, by one step from a link."""

@@ -7,7 +7,7 @@ so that whoever drives it may stop, repeat or resume at any step.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -44,8 +44,10 @@ class Step:
     """To be handed back with the next call."""
     within: Callable[[float], Array] | None = None
     """The state at any time in the stretch, counted from where the interval began; None where only the ends are known."""
+    moments: Callable[[Sequence[float]], Array | None] | None = None
+    """∫v^n f dv, n = 0 … 3, at such times, (times, 4, nx), where they are to be had without the states: else None."""
     stretch: tuple[float, float] | None = None
-    """The times, counted likewise, between which `within` is good: the step, and what surrounds it."""
+    """The times, counted likewise, between which `within` and `moments` are good: the step, and what surrounds it."""
     side: bool = False
     """True where nothing will be built upon this state."""
 

@@ -10,7 +10,14 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import numpy as np
+
+from kinetic_solver.arrays import Array
 from kinetic_solver.scene import Model
+
+TERMS = 22
+"""Of the series for short times, a = γh ≤ 0.5: more than there are digits."""
+FACTORIALS = np.array([float(math.factorial(n)) for n in range(TERMS + 3)])
 
 
 @dataclass(frozen=True)
@@ -59,6 +66,20 @@ def bridge_variance(model: Model, h: float) -> float:
     if step.velocity_variance == 0:
         return 0.0
     return max(0.0, step.displacement_variance - step.covariance**2 / step.velocity_variance)
+
+
+def bridge_variances(model: Model, h: Array) -> Array:
+    """`bridge_variance` of many times h > 0 at once, which planning asks for by the hundred."""
+    gamma, sigma = model.friction, model.noise
+    if gamma * sigma == 0:
+        return np.zeros_like(h)
+    a = gamma * h
+    long = (2 * a + 4 * np.expm1(-a) - np.expm1(-2 * a)) / a**3
+    n = np.arange(3, 3 + TERMS)
+    short = np.polynomial.polynomial.polyval(-np.minimum(a, 0.5), (2.0**n - 4.0) / FACTORIALS[n])
+    displacement = sigma * gamma * h**3 * np.where(a > 0.5, long, short)
+    covariance = sigma * gamma * (np.expm1(-a) / gamma) ** 2
+    return np.maximum(0.0, displacement + covariance**2 / (sigma * np.expm1(-2 * a)))
 
 
 def half_transport_time(gamma: float, h: float) -> float:
@@ -112,9 +133,12 @@ def _psi(a: float) -> float:
 
 
 def _series(a: float, coefficient: Callable[[int], float], first: int) -> float:
-    """Σ_{n ≥ first} coefficient(n) (-1)^(n - first) a^(n - first)/n!."""
+    """Σ_{n ≥ first} coefficient(n) (-1)^(n - first) a^(n - first)/n!, for a ≤ 0.5."""
     total, power = 0.0, 1.0 / math.factorial(first)
-    for n in range(first, first + 22):
+    for n in range(first, first + TERMS):
+        before = total
         total += coefficient(n) * power
+        if total == before:
+            break  # as the terms to come are smaller still
         power *= -a / (n + 1)
     return total

@@ -17,6 +17,7 @@ from kinetic_solver.exact import Solution
 from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.initial import start_state
 from kinetic_solver.operators.linearised.grid import GridLinearisedStep
+from kinetic_solver.operators.moments import velocity_moments
 from kinetic_solver.operators.velocity import OrnsteinUhlenbeckKernel
 from kinetic_solver.scene import Model, Scene
 from kinetic_solver.theory.ornstein_uhlenbeck import transition, transport_times
@@ -310,3 +311,36 @@ def test_local_transport_against_its_slow_twin(make_scene: MakeScene) -> None:
     step = GridLinearisedStep(grid, scene.model, scene.cross_section, Nothing(grid.nv), LOCAL)
     slow = transported(f, grid, scene.cross_section, 0.4)
     assert np.abs(step(f, 0.4) - slow).max() < 1e-12 * slow.max()
+
+
+@GAUGES
+def test_moments_are_those_of_the_states(make_scene: MakeScene, tolerance: float) -> None:
+    """At long and short times, the shortest far below what the kernel takes on these points; blurred and not."""
+    scene = make_scene(**OFF_EQUILIBRIUM)
+    step, f = start(scene, 95, 128, (-14.0, 10.0), tolerance)
+    lifted = GridLinearisedStep(step.grid, scene.model, scene.cross_section, step.drift_diffusion, GLOBAL).lift(f)
+    times, blurs = [0.4, 1.3, 1.3], [0.0, 0.0, 0.07]
+    found = step.moments(lifted, times, blurs)
+    assert found is not None
+    for h, blur, moments in zip(times, blurs, found, strict=True):
+        expected = velocity_moments(step.grid, step.lower(step.propagate(lifted, h), blur))
+        assert np.abs(moments - expected).max(axis=1) == pytest.approx(0.0, abs=2e-11 * float(np.abs(expected).max()))
+    at_once = step.moments(lifted, [1e-9], [0.0])
+    assert at_once is not None
+    assert at_once[0] == pytest.approx(velocity_moments(step.grid, f), abs=1e-7)
+
+
+def test_moments_in_the_local_gauge(make_scene: MakeScene) -> None:
+    """Up to twenty times the round-off of the global gauge that steps may have; else there are none."""
+    scene = make_scene(**OFF_EQUILIBRIUM)
+    step, f = start(scene, 95, 128, (-14.0, 10.0), LOCAL)
+    round_off = np.finfo(float).eps * np.exp(step.gauge_range(f))
+    for share, there in ((18.0, True), (22.0, False)):
+        step, f = start(scene, 95, 128, (-14.0, 10.0), round_off / share)
+        lifted = step.lift(f)
+        assert lifted.mean_density is None
+        found = step.moments(lifted, [0.9], [0.0])
+        assert (found is not None) is there
+        if found is not None:
+            expected = velocity_moments(step.grid, step.lower(step.propagate(lifted, 0.9)))
+            assert np.abs(found[0] - expected).max() < 1e-10 * np.abs(expected).max()

@@ -156,3 +156,17 @@ def test_too_large_a_gauge_is_an_error(standing_scene: MakeScene) -> None:
     step, a = start(standing_scene(12.0), 127, 64)
     with pytest.raises(LostAccuracy):
         step(a, 1.0)
+
+
+@pytest.mark.parametrize("nx", [63, 64])
+def test_moments_are_those_of_the_states(make_scene: MakeScene, nx: int) -> None:
+    step, a = start(make_scene(**UNEQUAL), nx, 60)
+    lifted = step.lift(a)
+    times = [0.3, 1.7]
+    found = step.moments(lifted, times, [0.0, 0.0])
+    assert found is not None
+    v = np.linspace(-16.0, 12.0, 400)
+    for h, moments in zip(times, found, strict=True):
+        f = step.lower(step.propagate(lifted, h)) @ step.basis.values(v)
+        expected = (f @ (v[:, None] ** np.arange(4))).T * (v[1] - v[0])
+        assert moments == pytest.approx(expected, abs=1e-11 * float(np.abs(expected).max()))

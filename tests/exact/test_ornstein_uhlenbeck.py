@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from kinetic_solver.scene import Model
-from kinetic_solver.theory.ornstein_uhlenbeck import Transition, transition
+from kinetic_solver.theory.ornstein_uhlenbeck import Transition, bridge_variance, bridge_variances, transition
 
 
 def by_quadrature(model: Model, t: float) -> Transition:
@@ -40,3 +40,11 @@ def test_every_statistic_to_round_off(friction: float, t: float) -> None:
     found, expected = transition(model, t), by_quadrature(model, t)
     for name, value in vars(expected).items():
         assert getattr(found, name) == pytest.approx(value, rel=2e-14, abs=0), name
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.3, 7.0])
+def test_many_bridges_are_as_one_by_one(friction: float) -> None:
+    model = Model(gravity=1.3, friction=friction, noise=0.5)
+    times = np.geomspace(1e-4, 30.0, 200)
+    one_by_one = np.array([bridge_variance(model, h) for h in times.tolist()])
+    assert bridge_variances(model, times) == pytest.approx(one_by_one, rel=1e-11)

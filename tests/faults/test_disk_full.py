@@ -61,7 +61,7 @@ def test_a_run_that_fills_the_disk(tmp_path: Path, method: str) -> None:
     with open_run(path) as left:
         frames = left.sizes["time"]
         assert (int(left["status"]), left.attrs["stopped"]) == (2, line)
-    assert (0 if method == "hydrodynamics" else 1) < frames < 31
+    assert 1 <= frames < 31  # what came within the last second is lost
     assert not list(tmp_path.glob("*.part"))
     run_to_file(scene, path, method, resume=True)
     with open_run(path) as found, open_run(tmp_path / "straight.nc") as expected:

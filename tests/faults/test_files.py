@@ -98,6 +98,47 @@ def test_the_status_comes_last(scene: Scene, tmp_path: Path, monkeypatch: pytest
     assert attempts == [RUNNING]
 
 
+def test_frames_are_written_in_blocks(scene: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """At most a second after they came, whether or not another follows; and when a checkpoint asks for it."""
+    clock = [100.0]
+    monkeypatch.setattr("kinetic_solver.dataset.netcdf_recorder.monotonic", lambda: clock[0])
+    path = tmp_path / "a.nc"
+
+    def there() -> list[float]:
+        with open_run(path) as found:
+            assert found["f"][:, 0, 0].values.tolist() == found["mass"].values.tolist()
+            return found["time"].values.tolist()  # type: ignore[no-any-return]
+
+    out = recorder(scene, path)
+    out.record(0.0, frame(MARK))
+    assert there() == [0.0]
+    out.record(0.5, frame(2.0))
+    clock[0] += 0.9
+    out.settle()
+    assert there() == [0.0]
+    clock[0] += 0.2
+    out.settle()
+    assert there() == [0.0, 0.5]
+    out.record(1.0, frame(3.0))
+    assert there() == [0.0, 0.5]
+    out.sync()
+    assert there() == [0.0, 0.5, 1.0]
+    out.record(1.5, frame(4.0))
+    out.close(stopped="a reason")
+    assert there() == [0.0, 0.5, 1.0, 1.5]
+
+
+def test_large_frames_do_not_wait(scene: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("kinetic_solver.dataset.netcdf_recorder.BLOCK", 600)
+    path = tmp_path / "a.nc"
+    out = recorder(scene, path)
+    for n, expected in enumerate((1, 1, 3)):  # a frame has 40 numbers of f and some more
+        out.record(0.5 * n, frame(MARK))
+        with open_run(path) as found:
+            assert found.sizes["time"] == expected
+    out.close()
+
+
 def test_a_frame_in_the_making_is_not_shown(scene: Scene, tmp_path: Path) -> None:
     """A run that was killed while it wrote one: the time, which comes last, is not there."""
     path = tmp_path / "a.nc"

@@ -210,6 +210,17 @@ def test_follow_leader_against_its_slow_twin_and_equation_6() -> None:
     assert operator(f, dt) == pytest.approx(slow, rel=1e-13, abs=0)
 
 
+def test_rates_of_follow_leader_from_moments() -> None:
+    """∫∫v C and ½∫∫v² C by the moments of f are those of the rate itself."""
+    v = velocities(96)
+    f, dx = states(v)[:2], 0.7
+    operator = FollowLeader(v, S)
+    dv = v[1] - v[0]
+    moments = (f @ (v[:, None] ** np.arange(4)) * dv).T
+    rate = operator.rate(f).sum(axis=0) * dx * dv
+    assert operator.brought(moments, dx) == pytest.approx((rate @ v, rate @ v**2 / 2), rel=1e-12)
+
+
 def test_follow_leader_substep_is_exact_in_time() -> None:
     """One step is many steps; its limit is the rate; a Maxwellian moves by Sρθ dt and keeps its temperature (8)."""
     v = velocities(200, -14.0, 10.0)

@@ -18,6 +18,7 @@ Tests: tests/exact/test_linearised_grid.py.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,6 +29,7 @@ from kinetic_solver.errors import LostAccuracy
 from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.operators.fourier import RealTransform, derivative, integral_spectrum
 from kinetic_solver.operators.linear import LinearStep
+from kinetic_solver.operators.linearised.moments import moments_after
 from kinetic_solver.operators.linearised.ratio import GaugeRatio
 from kinetic_solver.operators.tables import Tables
 from kinetic_solver.operators.transport import resolved_waves, shift_phases
@@ -43,6 +45,10 @@ TABLES = 8
 """Step lengths whose tables are kept. Frames at even times use one or two; at uneven times each brings its own."""
 GROWTHS = 2
 """Mean densities whose linear steps are kept: that of a chain, and that of the chain's link before, apart by rounding."""
+
+MOMENTS_ROUND_OFF = 20.0
+"""Of `tolerance`, to moments in the global gauge of a state that is stepped in the local one: rtol, with the share that the plan
+gives to round-off. Chosen: nothing is built upon them, and what they err by most is where f is least."""
 
 
 @dataclass(frozen=True)
@@ -80,6 +86,7 @@ class GridLinearisedStep:
         self._tables = Tables[_LocalTable](TABLES)
         self._keep = resolved_waves(grid)
         self._ratio = GaugeRatio(grid, cross_section)
+        self._modes_of: tuple[Lifted, NDArray[np.complex128] | None, float] | None = None
 
     def __call__(self, f: Array, h: float) -> Array:
         return self.lower(self.propagate(self.lift(f), h))
@@ -137,6 +144,29 @@ class GridLinearisedStep:
             # E = W exp(Sρ̄x) times a constant, and E_x = S n exp(Sρ̄x)
             w = np.fft.irfft(s * np.fft.rfft(n) / (s * mean + 1j * k), n=self.grid.nx)
             return self._with_density(values, n, w, mean + derivative(np.log(w), k) / s, rounded=True)
+
+    def moments(self, lifted: Lifted, times: Sequence[float], blurs: Sequence[float]) -> Array | None:
+        """∫v^n f dv, n = 0 … 3, after each time, shape (times, 4, nx), at a fraction of what f costs (linearised/moments.py).
+
+        None where the global gauge has too much round-off for them, and where the start has jumps that it would not resolve.
+        """
+        if self._modes_of is None or self._modes_of[0] is not lifted:
+            self._modes_of = (lifted, *self._modes(lifted))
+        _, modes, mean = self._modes_of
+        if modes is None:
+            return None
+        return moments_after(self.grid, self.model, self.cross_section, modes, mean, times, blurs)
+
+    def _modes(self, lifted: Lifted) -> tuple[NDArray[np.complex128] | None, float]:
+        """The Fourier modes of F's periodic part, and the mean density."""
+        if lifted.mean_density is not None:
+            return self._transform.forward(lifted.values).copy(), lifted.mean_density
+        density = lifted.values.sum(axis=1) * self.grid.dv
+        phi = self.cross_section * self._potential(density)
+        mean = float(density.mean())
+        if lifted.jumps or ROUND_OFF * math.exp(min(float(np.ptp(phi)), 700.0)) > MOMENTS_ROUND_OFF * self.tolerance:
+            return None, mean
+        return self._transform.forward(lifted.values * np.exp(phi - phi.max())[:, None]).copy(), mean
 
     def _growing_at(self, mean_density: float) -> LinearStep:
         return LinearStep(self.grid, self.model, self.drift_diffusion, growth=self.cross_section * mean_density)

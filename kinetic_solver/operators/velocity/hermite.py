@@ -64,6 +64,19 @@ class HermiteBasis:
         third = math.sqrt(6) * a[:, 3] - 3 * math.sqrt(2) * shift * a[:, 2] + 2 * shift**2 * a[:, 1]
         return Moments(density, self.centre + math.sqrt(self.variance) * shift, temperature, self.variance**1.5 * third)
 
+    def velocity_moments(self, a: Array) -> Array:
+        """∫v^n f dv, n = 0 … 3, shape (4, nx), of the first four coefficients (nx, 4): exact."""
+        c, s = self.centre, math.sqrt(self.variance)
+        first, second, third = (
+            s * a[:, 1],
+            s**2 * (math.sqrt(2) * a[:, 2] + a[:, 0]),
+            s**3 * (math.sqrt(6) * a[:, 3] + 3 * a[:, 1]),
+        )
+        n = a[:, 0]
+        return np.stack(
+            [n, first + c * n, second + 2 * c * first + c**2 * n, third + 3 * c * second + 3 * c**2 * first + c**3 * n]
+        )
+
     def totals(self, a: Array, dx: float) -> tuple[float, float, float]:
         """(mass, momentum, energy): ∫∫f, ∫∫v f, ½∫∫v² f dv dx."""
         n0, n1, n2 = (float(value) * dx for value in a[:, :3].sum(axis=0))
@@ -72,8 +85,10 @@ class HermiteBasis:
         return n0, u * n0 + width * n1, energy / 2
 
 
-def propagators(basis: HermiteBasis, wavenumbers: Array, rate: float, model: Model, h: float) -> NDArray[np.complex128]:
-    """exp(hG) for each wavenumber k, shape (len(wavenumbers), count, count), for F_t = GF with
+def propagators(
+    basis: HermiteBasis, wavenumbers: Array, rate: float, model: Model, h: float, rows: int | None = None
+) -> NDArray[np.complex128]:
+    """exp(hG) for each wavenumber k, shape (len(wavenumbers), count, count), or its first `rows` rows only, for F_t = GF with
 
         GF = -ik v F - rate (v - centre) F - ∂/∂v[(g - γv) F] + σγ ∂²F/∂v².
 
@@ -113,9 +128,10 @@ def propagators(basis: HermiteBasis, wavenumbers: Array, rate: float, model: Mod
     value = np.exp(log_scale[:, None] + np.log(larger)[:, None] * d - log_factorial / 2)
     difference = value
     product = (lower * upper)[:, None]
-    result = np.empty((k.size, count, count), dtype=np.complex128)
-    for n in range(count):
-        result[:, n:, n] = value * lower_powers[:, : count - n]
+    rows = count if rows is None else rows
+    result = np.empty((k.size, rows, count), dtype=np.complex128)
+    for n in range(rows):
+        result[:, n:, n] = (value * lower_powers[:, : count - n])[:, : rows - n]
         result[:, n, n:] = value * upper_powers[:, : count - n]
         # (n + 1)(L_{n+1} - L_n) = (n + d)(L_n - L_{n-1}) - x L_n, times m^d e^n √(n!/(n + d)!)
         d = d[:-1]

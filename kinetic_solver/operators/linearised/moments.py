@@ -1,0 +1,98 @@
+"""Velocity moments of f at any time after a state of F, in closed form: without F, the kernel in v, or f itself at that time.
+
+F exp(Rx), R = Sρ̄, is carried by a free Ornstein-Uhlenbeck process (operators/linearised/grid.py). Over h it displaces a particle
+of velocity v by X and leaves it with V, jointly Gaussian (theory/ornstein_uhlenbeck.py), so that with κ = k - iR
+
+    ∫v^n F̂_k(v, h) dv = Σ_v F̂_k(v) E[exp(-iκX) V^n | v] dv,
+
+and the expectation is exp(-iκ(mean X) - κ² var X/2) times the n-th moment of a normal V whose mean is moved by -iκ cov(X, V).
+What is left are four sums over v for each k. Test: tests/exact/test_linearised_grid.py.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinetic_solver.arrays import Array
+from kinetic_solver.grid import PhaseSpaceGrid
+from kinetic_solver.operators.linear import FADED
+from kinetic_solver.scene import Model
+from kinetic_solver.theory.ornstein_uhlenbeck import Transition, transition
+
+MOMENTS = 4
+"""Of v^0 … v^3: what momentum, energy, and their rates by operator (6) take."""
+
+
+def moments_after(
+    grid: PhaseSpaceGrid,
+    model: Model,
+    cross_section: float,
+    modes: NDArray[np.complex128],
+    mean: float,
+    times: Sequence[float],
+    blurs: Sequence[float],
+) -> Array | None:
+    """∫v^n f dv at each x after each time, (times, 4, nx); None where they are no numbers, or of no positive exp(SΦ).
+
+    `modes`: the Fourier modes along x of F's periodic part, (nx//2 + 1, nv), up to a constant factor. `mean`: the mean density.
+    `blurs`: F is blurred in x by Gaussians of these variances first. Spectrally accurate in dv and dx; round-off as in the
+    global gauge. What noise damps below rounding is left out.
+    """
+    steps = [transition(model, h) for h in times]
+    growth, k, v = cross_section * mean, grid.wavenumbers, grid.v
+    spread = np.array([step.displacement_variance for step in steps])[:, None]
+    damping = k**2 * (spread + np.array(blurs)[:, None]) / 2
+    kept = np.sum(damping <= FADED, axis=1)
+    if grid.nx % 2 == 0 and grid.nx > 1:
+        kept = np.minimum(kept, k.size - 1)  # the Nyquist cosine has no displacement on the grid
+    powers = v ** np.arange(MOMENTS)[:, None]
+    with np.errstate(all="ignore"):
+        sums = np.zeros((len(steps), k.size, MOMENTS), dtype=np.complex128)
+        for step, count, into in zip(steps, kept.tolist(), sums, strict=True):
+            into[:count] = _sums(modes[:count], k, v, powers, growth, step.drift_time)
+        # exp(-iκ(mean X)) without the factors that do not depend on k, and the mean of V
+        sums *= np.exp(1j * k * (growth * spread - _column(steps, "displacement_shift")) - damping)[:, :, None]
+        moved = _column(steps, "velocity_shift") - (1j * k + growth) * _column(steps, "covariance")
+        e, noise = _column(steps, "decay"), _column(steps, "velocity_variance")
+        s0, s1, s2, s3 = sums[..., 0], e * sums[..., 1], e**2 * sums[..., 2], e**3 * sums[..., 3]
+        second = moved**2 + noise
+        found = np.stack(
+            [
+                s0,
+                s1 + moved * s0,
+                s2 + 2 * moved * s1 + second * s0,
+                s3 + 3 * moved * s2 + 3 * second * s1 + (second + 2 * noise) * moved * s0,
+            ],
+            axis=1,
+        )
+        # E = exp(SΦ) = W exp(Rx) obeys E_x = S∫F dv
+        gauge = np.fft.irfft(cross_section * s0 / (growth + 1j * k), n=grid.nx, axis=1)
+        moments = np.fft.irfft(found, n=grid.nx, axis=2) / gauge[:, None]
+        moments *= mean / moments[:, :1].mean(axis=2, keepdims=True)
+    if not ((gauge.min(axis=1) > 0).all() and np.isfinite(moments).all()):
+        return None
+    return np.asarray(moments)
+
+
+def _sums(
+    modes: NDArray[np.complex128], k: Array, v: Array, powers: Array, growth: float, drift_time: float
+) -> NDArray[np.complex128]:
+    """Σ_v F̂_k(v) exp(-iκ drift_time v) v^n, (modes, 4), up to a constant factor."""
+    weight = -growth * drift_time * v
+    # exp(-ik drift_time v) of all k from that of the first by doubling: exponentials of all of them would take longest here.
+    shear = np.ones(modes.shape, dtype=np.complex128)
+    power = np.exp(-1j * k[1] * drift_time * v) if len(modes) > 1 else shear[0]
+    filled = 1
+    while filled < len(modes):
+        more = min(filled, len(modes) - filled)
+        np.multiply(shear[:more], power, out=shear[filled : filled + more])
+        filled, power = filled + more, power * power
+    shear *= modes
+    return np.asarray(shear @ (np.exp(weight - weight.max()) * powers).T.astype(np.complex128))
+
+
+def _column(steps: list[Transition], name: str) -> Array:
+    return np.array([getattr(step, name) for step in steps])[:, None]
