@@ -8,12 +8,10 @@ import struct
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pydantic import ValidationError
-
 from kinetic_solver.dataset.header import needed_bytes
 from kinetic_solver.dataset.schema import STOPPED
 from kinetic_solver.errors import OutputExistsError, OutputFailed, SceneError
-from kinetic_solver.scene import Scene, one_line
+from kinetic_solver.scene import Scene
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -92,8 +90,8 @@ def scene_of(dataset: xr.Dataset, source: str | Path | None = None) -> Scene:
         raise _no_scene(source)
     try:
         return Scene.model_validate_json(dataset.attrs["scene"])
-    except ValidationError as error:
-        raise SceneError(f"{source}: its scene cannot be read ({one_line(error)})") from None
+    except SceneError as error:
+        raise SceneError(f"{source}: its scene cannot be read ({error})") from None
 
 
 def _no_scene(source: str | Path) -> SceneError:

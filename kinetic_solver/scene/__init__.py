@@ -6,6 +6,7 @@ particles). Symbols and conventions: docs/theory.md; equation numbers are those 
 """
 
 from kinetic_solver.scene.initial import Beam, Initial, Mode, Modes, Pulse, fourier_sum
+from kinetic_solver.scene.messages import shorten
 from kinetic_solver.scene.scene import Groups, Scene, check_is_scene
 from kinetic_solver.scene.schedule import Schedule
 from kinetic_solver.scene.shipped import shipped
@@ -21,9 +22,8 @@ from kinetic_solver.scene.tables import (
     Run,
     SteppingScheme,
     VelocityScheme,
-    shorten,
 )
-from kinetic_solver.scene.toml import one_line, parse_override
+from kinetic_solver.scene.toml import parse_override
 
 __all__ = [
     "FOLLOW_LEADER",
@@ -47,7 +47,6 @@ __all__ = [
     "VelocityScheme",
     "check_is_scene",
     "fourier_sum",
-    "one_line",
     "parse_override",
     "shipped",
     "shorten",

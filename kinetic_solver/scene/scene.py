@@ -92,6 +92,24 @@ class Scene(Table):
         """
         return toml.validated(cls, toml.read(path, overrides), path)
 
+    def replace(self, **keys: Any) -> Scene:
+        """The scene with other values of these keys, as in replace(**{"collisions.cross_section": 3.0}).
+
+        A whole table is a key too, and None takes it, or the value of a key, away. Raises SceneError, which names the key, for
+        what a scene must not have.
+        """
+        data = toml.plain(self)
+        for dotted, value in keys.items():
+            toml.set_dotted(data, dotted, toml.plain(value))
+        return Scene.model_validate(data)
+
+    def to_toml(self) -> str:
+        """The scene as TOML, from which `from_toml` makes the same one: the keys that were given, without defaults.
+
+        A relative `initial.file` stays as it is: the text belongs into the folder to which it is relative.
+        """
+        return toml.written(toml.plain(self))
+
     @property
     def cross_section(self) -> float:
         """S_C; 0 without collisions."""

@@ -7,9 +7,11 @@ from __future__ import annotations
 
 import difflib
 import warnings
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Any, Literal, Self, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
+
+from kinetic_solver.scene.messages import LONGEST_SHOWN, in_one_line, shorten
 
 MOST_FRAMES = 1_000_000
 """Of any cadence: more are asked for by a slip of the pen."""
@@ -34,23 +36,30 @@ ModeNumber = Annotated[int, Field(strict=True, ge=1, le=10_000)]
 Fraction = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0, le=1)]
 
 
-LONGEST_SHOWN = 60
-"""Characters of what was given that a message repeats."""
-
-
-def shorten(value: Any) -> str:
-    """repr, cut to the length of a message."""
-    try:
-        text = repr(value)
-    except RecursionError:
-        return "(tables or lists hundreds deep)"
-    return text if len(text) <= LONGEST_SHOWN else text[: LONGEST_SHOWN - 3] + "..."
-
-
 class Table(BaseModel):
     """Frozen; refuses keys that it does not know."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", populate_by_name=True)
+
+    def __init__(self, /, **keys: Any) -> None:
+        with in_one_line():
+            super().__init__(**keys)
+
+    # pydantic's core calls the __init__ of a table within a table where it is not marked as its own: the path to the key would
+    # be lost then.
+    __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
+
+    @classmethod
+    def model_validate(cls, obj: Any, **options: Any) -> Self:
+        """A table from a dictionary. Raises SceneError, one line with the key, what was given, and what is allowed."""
+        with in_one_line():
+            return super().model_validate(obj, **options)
+
+    @classmethod
+    def model_validate_json(cls, json_data: str | bytes | bytearray, **options: Any) -> Self:
+        """A table from JSON. Raises SceneError likewise."""
+        with in_one_line():
+            return super().model_validate_json(json_data, **options)
 
     @model_validator(mode="before")
     @classmethod
