@@ -32,6 +32,8 @@ Real = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Positive = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0)]
 NonNegative = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0)]
 Count = Annotated[int, Field(strict=True, ge=1)]
+Velocities = Annotated[int, Field(strict=True, ge=8)]
+Window = tuple[Real, Real]
 ModeNumber = Annotated[int, Field(strict=True, ge=1, le=10_000)]
 Fraction = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0, le=1)]
 
@@ -109,19 +111,20 @@ class Model(Table):
     """Coefficients of the Langevin equation (1): dv = (g - γ v) dt + √(2σγ) dW."""
 
     gravity: Real = 0.0
-    """g, an acceleration [length/time²]; any sign."""
+    """g, the acceleration of every particle; any sign. [length/time²]"""
     friction: NonNegative = 1.0
-    """γ [1/time]."""
+    """γ, the rate at which friction slows a particle down. [1/time]"""
     noise: NonNegative = 1.0
-    """σ, a velocity variance [length²/time²]: the temperature that friction and noise alone sustain."""
+    """σ, a velocity variance: the temperature that friction and noise alone sustain. [length²/time²]"""
 
 
 class Collisions(Table):
     """A binary collision operator: (6) "follow-the-leader" or (12) "inelastic"."""
 
     operator: Operator
+    """What a collision does: (6), the follower takes the leader's velocity, or (12), both lose relative velocity."""
     cross_section: NonNegative
-    """S_C, dimensionless: the probability that an encounter is a collision (per particle that a simulated one stands for)."""
+    """S_C: the probability that an encounter is a collision (per particle that a simulated one stands for)."""
     restitution: Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0, le=1)] | None = None
     """ε of (11), from 0 (sticking) to 1 (elastic); required by, and only for, "inelastic"."""
 
@@ -135,8 +138,10 @@ class Collisions(Table):
 
 
 class Pipe(Table):
+    """Where the particles move: periodic."""
+
     length: Positive
-    """L, the period of the pipe [length]."""
+    """L, the period of the pipe. [length]"""
 
 
 UnitName = Annotated[str, Field(strict=True, pattern=r"^([A-Za-zµμΩ°]+|1)$", max_length=30)]
@@ -146,18 +151,20 @@ class Units(Table):
     """What the scene's units are called, as in UDUNITS: names for files alone, no number depends on them."""
 
     length: UnitName
-    """"m", say."""
+    """Name of the unit of length: "m", say."""
     time: UnitName
-    """"s", say."""
+    """Name of the unit of time: "s", say."""
     number: UnitName = "1"
-    """Of particles: "1" for plain numbers."""
+    """Name of the unit in which particles are counted: "1" for plain numbers."""
 
 
 class Run(Table):
+    """How long, and how often anything is written."""
+
     end_time: Positive
-    """Since the start, whatever `initial.time` is."""
+    """How long the run is, since its start, whatever `initial.time` is. [time]"""
     output_every: Positive | None = None
-    """Frames at 0, every output_every, and end_time; None means end_time."""
+    """Frames are at 0, every output_every, and end_time; by default at 0 and end_time alone. [time]"""
 
     @model_validator(mode="after")
     def _countable(self) -> Run:
@@ -175,20 +182,22 @@ class Output(Table):
     """What is written, and how often: false (never), true (every `run.output_every`), or a time interval of its own."""
 
     f: Cadence = True
-    """f(x, v)."""
+    """The distribution function f(x, v). [time]"""
     moments: Cadence = True
-    """Density, mean velocity, temperature and heat flux over x, and the velocity distribution w(v)."""
+    """Density, mean velocity, temperature and heat flux over x, and the velocity distribution w(v). [time]"""
     scalars: Cadence = True
-    """Mass, momentum and energy; minimum of f; what touches the window's edges; resolution."""
+    """Mass, momentum and energy; minimum of f; what touches the window's edges; resolution. [time]"""
     budgets: Cadence = True
-    """Rates of momentum and energy by term, what each term has brought since time 0, and the residual."""
+    """Rates of momentum and energy by term, what each term has brought since time 0, and the residual. [time]"""
     moment_equations: Cadence = False
-    """Every term of the moment equations (3)-(5), with the heat-flux terms that the paper neglects."""
+    """Every term of the moment equations (3)-(5), with the heat-flux terms that the paper neglects. [time]"""
     particles: Cadence = False
-    """Position and velocity of every particle; particles alone have them."""
+    """Position and velocity of every particle; particles alone have them. [time]"""
 
 
 class Accuracy(Table):
+    """How close to the equation's solution the answer is to be."""
+
     rtol: Annotated[float, Field(strict=True, allow_inf_nan=False)] = 1e-4
     """Wanted: max|Δf| ≤ rtol·max|f|. Chooses what [grid] leaves open."""
 
@@ -199,6 +208,12 @@ class Accuracy(Table):
         return self
 
 
+def _check_window(window: tuple[float, float] | None) -> None:
+    if window is not None and not window[0] < window[1]:
+        low, high = window
+        raise ValueError(f"velocity_window = [{low}, {high}] is reversed or empty; the first number must be the smaller one")
+
+
 class Grid(Table):
     """Discretisation. What is given is kept as given; the rest follows from rtol by the rules in docs/accuracy.md.
 
@@ -206,17 +221,23 @@ class Grid(Table):
     """
 
     nx: Count | None = None
-    nv: Annotated[int, Field(strict=True, ge=8)] | None = None
-    velocity_window: tuple[Real, Real] | None = None
+    """Points in x; by default chosen."""
+    nv: Velocities | None = None
+    """Points in v, or Hermite functions; by default chosen."""
+    velocity_window: Window | None = None
+    """The least and the largest velocity; by default chosen. [length/time]"""
     time_step: Positive | None = None
+    """The longest step; by default chosen. [time]"""
     velocity: VelocityScheme | None = None
-    """How f depends on v: at points (the default; robust), or as nv Hermite functions about the homogeneous state."""
+    """How f is held in v: at points (the default; robust), or as nv Hermite functions about the homogeneous state."""
     stepping: SteppingScheme | None = None
-    """In time: exact (no collisions, and operator (6)); high order with error control; or Strang's method, order 2."""
+    """How steps in time are made, by default chosen: exact (no collisions, and operator (6)); high order with error control; or
+    Strang's method, order 2."""
     drift_diffusion: DriftDiffusionScheme | None = None
-    """Between velocity points: the exact Ornstein-Uhlenbeck kernel, or finite volumes of order 8 or 2 (positive)."""
+    """What friction and noise do between velocity points, by default chosen: the exact Ornstein-Uhlenbeck kernel, or finite
+    volumes of order 8 or 2 (positive)."""
     deposit: Deposit | None = None
-    """How operator (12) places collision products between grid points; only "linear" is positive."""
+    """How operator (12) places collision products between grid points, by default chosen; only "linear" is positive."""
 
     @field_validator("velocity", mode="before")
     @classmethod
@@ -228,9 +249,7 @@ class Grid(Table):
 
     @model_validator(mode="after")
     def _window(self) -> Grid:
-        if self.velocity_window is not None and not self.velocity_window[0] < self.velocity_window[1]:
-            low, high = self.velocity_window
-            raise ValueError(f"velocity_window = [{low}, {high}] is reversed or empty; the first number must be the smaller one")
+        _check_window(self.velocity_window)
         return self
 
 
@@ -238,7 +257,7 @@ class Hydrodynamics(Table):
     """The hydrodynamic method."""
 
     moments: Annotated[int, Field(strict=True, ge=3, le=1000)] | None = None
-    """Of the Hermite hierarchy, whose steps are matrices of this size; None for the closure (3)-(5) of the paper."""
+    """M of the Hermite hierarchy, whose steps are matrices of this size; by default the closure (3)-(5) of the paper instead."""
 
 
 class Particles(Table):
@@ -247,7 +266,12 @@ class Particles(Table):
     count: Count = 100_000
     """Simulated particles per replica; each stands for density·length/count real ones."""
     cells: Count | None = None
+    """In which collision partners are drawn; by default a quarter of the mean free path long."""
     time_step: Positive | None = None
+    """By default a tenth of the shortest time in the scene. [time]"""
     seed: Annotated[int, Field(strict=True, ge=0, lt=2**63)] = 1
+    """Of the random numbers."""
     replicas: Count = 1
+    """Independent ensembles: two or more give standard errors."""
     collisions: Literal["dsmc", "single-file"] = "dsmc"
+    """Who collides: drawn in cells (direct simulation), or whoever overtakes."""
