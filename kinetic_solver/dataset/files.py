@@ -180,7 +180,9 @@ def write_dataset(dataset: xr.Dataset, path: str | Path, overwrite: bool = False
     except OSError as error:
         raise SceneError(f"{path}: cannot be created ({error.strerror})") from None
     try:
-        growing = [name for name in ("time",) if name in dataset.dims]
+        # A dimension that grows is the first of every variable that has it: in a sweep it is not.
+        over_time = [variable.dims for variable in dataset.variables.values() if "time" in variable.dims]
+        growing = ["time"] if over_time and all(dims[0] == "time" for dims in over_time) else []
         dataset.to_netcdf(part, format="NETCDF3_64BIT_DATA", engine="netcdf4", unlimited_dims=growing)  # type: ignore[call-overload]
         part.replace(path)
     except (OSError, RuntimeError) as error:

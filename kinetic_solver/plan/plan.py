@@ -38,6 +38,11 @@ from kinetic_solver.scene import (
 
 MOST_VELOCITIES = 20_000
 """Of the output of a noiseless run. Chosen: more are asked for by mistake."""
+LEAST_PLACES, LEAST_VELOCITIES = 65, 64
+"""At which fields are given where no key says how many; one place where nothing depends on x. Chosen: a wave, and a Maxwellian,
+look smooth on them, and an odd number of places holds whole waves, for whoever starts from them."""
+OUTPUT_ARRAYS = 4
+"""Arrays of the output's size alive at once: f interpolated in x, in v, and as it is written. Counted, generously."""
 CHECKED_VELOCITIES, CHECKED_REACH = 240, 9.5
 """Points, and thermal velocities, on which a law of one's own is looked at before a run: Maxwellians end there to round-off."""
 MEMORY_TIME = 5.0
@@ -66,6 +71,8 @@ class Plan:
     """Of the first step: the run may change it."""
     output: PhaseSpaceGrid
     """Of the dataset, in the laboratory: fixed."""
+    whole: PhaseSpaceGrid
+    """The places of `output`, and velocities that hold all of f, whatever `output.velocity_window` shows of it."""
     velocity: VelocityScheme
     stepping: SteppingScheme
     drift_diffusion: DriftDiffusionScheme
@@ -195,6 +202,7 @@ def _make_plan(scene: Scene, known: Mapping[str, str], law: CollisionLaw | None,
     elif stepping == "strang":
         choices.warn_of_a_long_strang_step(scales, waves)
         choices.warn_of_an_unresolved_kernel(scales, grid, time_step, drift_diffusion)
+    output, whole = _output_grids(replace(grid, nv=int(shown.value)), frame, scales.times, scene)
     plan = Plan(
         scene,
         here.start,
@@ -203,7 +211,8 @@ def _make_plan(scene: Scene, known: Mapping[str, str], law: CollisionLaw | None,
         scales,
         waves,
         grid,
-        _output_grid(replace(grid, nv=int(shown.value)), frame, scales.times, scene),
+        output,
+        whole,
         velocity,
         stepping,
         drift_diffusion,
@@ -247,7 +256,22 @@ def _velocities(scales: Scales, waves: Waves, velocity: VelocityScheme, schemes:
     return Criterion(points, f"dv = {coarsest.value:.3g} resolves {coarsest.reason}")
 
 
-def _output_grid(grid: PhaseSpaceGrid, frame: ReferenceFrame, times: Array, scene: Scene) -> PhaseSpaceGrid:
+def _output_grids(
+    grid: PhaseSpaceGrid, frame: ReferenceFrame, times: Array, scene: Scene
+) -> tuple[PhaseSpaceGrid, PhaseSpaceGrid]:
+    """`Plan.output` and `Plan.whole`: what [output] says, else what [grid] says, else the solver's and enough to be looked at."""
+    whole, given = _holding_all(grid, frame, times, scene), scene.output
+    nx = given.nx or (grid.nx if scene.grid.nx or grid.nx == 1 else max(LEAST_PLACES, grid.nx))
+    whole = replace(whole, nx=nx)
+    low, high = given.velocity_window or (whole.low, whole.high)
+    nv = whole.nv if scene.grid.nv else max(LEAST_VELOCITIES, math.ceil((high - low) / whole.dv - 1e-9))
+    output = replace(whole, nv=given.nv or nv, low=low, high=high)
+    if (why := too_large(8 * OUTPUT_ARRAYS * output.nx * output.nv)) is not None:
+        raise SceneError(f"output: nx = {output.nx}, nv = {output.nv} {why}; reduce output.nx or output.nv")
+    return output, whole
+
+
+def _holding_all(grid: PhaseSpaceGrid, frame: ReferenceFrame, times: Array, scene: Scene) -> PhaseSpaceGrid:
     """Holds all that the solver's first window holds, at every frame, with its resolution."""
     if not frame.moving:
         return grid

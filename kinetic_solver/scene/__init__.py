@@ -12,6 +12,7 @@ from kinetic_solver.scene.schedule import Schedule
 from kinetic_solver.scene.shipped import shipped
 from kinetic_solver.scene.tables import (
     FOLLOW_LEADER,
+    GROUPS,
     INELASTIC,
     Accuracy,
     Deposit,
@@ -27,6 +28,7 @@ from kinetic_solver.scene.toml import parse_override
 
 __all__ = [
     "FOLLOW_LEADER",
+    "GROUPS",
     "INELASTIC",
     "Accuracy",
     "Beam",

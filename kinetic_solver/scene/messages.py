@@ -47,7 +47,8 @@ def one_line(error: ValidationError) -> str:
         text = f"{where} = {shorten(first['input'])}: {message}"
     if "\n" in text:
         text = " ".join(text.split())
-    if first["loc"][:1] == ("output",) and first["type"] != "value_error":
+    on_cadence = first["loc"][:1] == ("output",) and not {"nx", "nv", "velocity_window"} & set(first["loc"])
+    if on_cadence and first["type"] != "value_error":
         message = "input should be false, true, or a time interval greater than 0"
         text = f"{where} = {shorten(first['input'])}: {message}"
     others = len({tuple(map(str, p["loc"][:2])) for p in problems}) - 1

@@ -16,6 +16,7 @@ from kinetic_solver.scene import toml
 from kinetic_solver.scene.cadence import multiples
 from kinetic_solver.scene.initial import Initial
 from kinetic_solver.scene.tables import (
+    GROUPS,
     INELASTIC,
     MOST_FRAMES,
     Accuracy,
@@ -69,10 +70,16 @@ class Scene(Table):
 
     @model_validator(mode="after")
     def _cadences_are_countable(self) -> Scene:
-        for group in Output.model_fields:
+        for group in GROUPS:
             cadence = getattr(self.output, group)
             if not isinstance(cadence, bool) and self.run.end_time / cadence > MOST_FRAMES:
                 raise ValueError(f"output.{group} = {cadence:g} makes more than {MOST_FRAMES} frames until end_time; raise it")
+        return self
+
+    @model_validator(mode="after")
+    def _one_place_shows_what_is_the_same_everywhere(self) -> Scene:
+        if self.output.nx == 1 and not self.homogeneous:
+            raise ValueError("output.nx = 1: one place does not show a scene that depends on x; allowed: 2 or more")
         return self
 
     @model_validator(mode="after")

@@ -178,8 +178,19 @@ class Run(Table):
 Cadence = Annotated[bool, Field(strict=True)] | Positive
 
 
+def _check_window(window: tuple[float, float] | None) -> None:
+    if window is not None and not window[0] < window[1]:
+        low, high = window
+        raise ValueError(f"velocity_window = [{low}, {high}] is reversed or empty; the first number must be the smaller one")
+
+
+GROUPS = ("f", "moments", "scalars", "budgets", "moment_equations", "particles")
+"""Of what is written: the keys of [output] that are cadences."""
+
+
 class Output(Table):
-    """What is written, and how often: false (never), true (every `run.output_every`), or a time interval of its own."""
+    """What is written, and how often: false (never), true (every `run.output_every`), or a time interval of its own. And where
+    fields are given."""
 
     f: Cadence = True
     """The distribution function f(x, v). [time]"""
@@ -193,6 +204,17 @@ class Output(Table):
     """Every term of the moment equations (3)-(5), with the heat-flux terms that the paper neglects. [time]"""
     particles: Cadence = False
     """Position and velocity of every particle; particles alone have them. [time]"""
+    nx: Count | None = None
+    """Points in x at which fields are given, whatever the solver uses; by default what it uses, and 64 or more."""
+    nv: Annotated[int, Field(strict=True, ge=2)] | None = None
+    """Points in v, likewise."""
+    velocity_window: Window | None = None
+    """The least and the largest velocity for which f and w(v) are given; by default what holds them. [length/time]"""
+
+    @model_validator(mode="after")
+    def _window(self) -> Output:
+        _check_window(self.velocity_window)
+        return self
 
 
 class Accuracy(Table):
@@ -206,12 +228,6 @@ class Accuracy(Table):
         if not 1e-10 <= self.rtol <= 0.1:
             raise ValueError(f"rtol = {self.rtol:g}: allowed: 1e-10 to 0.1")
         return self
-
-
-def _check_window(window: tuple[float, float] | None) -> None:
-    if window is not None and not window[0] < window[1]:
-        low, high = window
-        raise ValueError(f"velocity_window = [{low}, {high}] is reversed or empty; the first number must be the smaller one")
 
 
 class Grid(Table):

@@ -13,11 +13,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from kinetic_solver import exact, run_to_file, solve
-from kinetic_solver.scene import Output, Scene, Schedule
+from kinetic_solver.scene import GROUPS, Scene, Schedule
 from particles import simulate
 
 MakeScene = Callable[..., Scene]
-GROUPS = tuple(Output.model_fields)
 NEAR = {"run": {"end_time": 1.0, "output_every": 0.1}, "output": {"f": 0.100000005}}
 """Two cadences that nobody means to differ."""
 SMALL = {"grid": {"nx": 9, "nv": 32}, "particles": {"count": 200, "replicas": 2}, "accuracy": {"rtol": 1e-2}}
