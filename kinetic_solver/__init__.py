@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from kinetic_solver.machine import keep_compiled_code
+from kinetic_solver.when_xarray_comes import register_accessor
 
 if TYPE_CHECKING:
     from kinetic_solver import compare, exact, hydrodynamics, stability
@@ -62,6 +63,7 @@ _HOME = {
 _PACKAGES = ("compare", "exact", "hydrodynamics", "stability")
 
 keep_compiled_code()
+register_accessor()
 
 
 def __getattr__(name: str) -> Any:

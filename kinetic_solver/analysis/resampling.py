@@ -14,10 +14,10 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
+from numpy.typing import ArrayLike
 from scipy.interpolate import make_interp_spline
 
 from kinetic_solver.arrays import Array
-from kinetic_solver.compare.resampling import at_points
 from kinetic_solver.dataset import schema
 from kinetic_solver.errors import SceneError
 from kinetic_solver.grid import PhaseSpaceGrid
@@ -41,9 +41,31 @@ def resample(
     _check(ds, nx, nv, velocity_window)
     result = ds
     if nx is not None:
-        result = _along_x(result, nx)
+        grid = PhaseSpaceGrid(nx, 1, _length(ds), 0.0, 1.0)
+        result = _along_x(result, grid.x, grid)
     if nv is not None or velocity_window is not None:
-        result = _along_v(result, nv, velocity_window)
+        grid = _velocities(ds, nv, velocity_window)
+        result = _along_v(result, grid.v, grid)
+    return result
+
+
+def at(ds: xr.Dataset, x: ArrayLike | None = None, v: ArrayLike | None = None) -> xr.Dataset:
+    """What has x, or v, at any places and velocities, as `resample` finds it; one number takes the dimension away.
+
+    Places are on the periodic pipe. Raises SceneError where the dataset has no such axis, and for numbers that are not finite.
+    """
+    result = ds
+    for name, given in (("x", x), ("v", v)):
+        if given is None:
+            continue
+        places = np.asarray(given, dtype=float)
+        if places.ndim > 1 or not np.isfinite(places).all():
+            raise SceneError(f"{name} = {given!r}: allowed: a number, or a list of them")
+        if ds.sizes.get(name, 0) < (1 if name == "x" else 2):
+            raise SceneError(f"{name}: the dataset has no such axis; allowed: one with fields over {name}")
+        result = (_along_x if name == "x" else _along_v)(result, np.atleast_1d(places), None)
+        result = result[[key for key, field in result.data_vars.items() if name in field.dims]]
+        result = result.isel({name: 0}) if places.ndim == 0 else result
     return result
 
 
@@ -59,19 +81,21 @@ def _check(ds: xr.Dataset, nx: int | None, nv: int | None, window: tuple[float, 
         raise SceneError(f"velocity_window = {window!r}: allowed: two numbers, the smaller one first")
 
 
-def _along_x(ds: xr.Dataset, nx: int) -> xr.Dataset:
-    own = ds["x"].values
-    length = _length(ds)
+def _along_x(ds: xr.Dataset, places: Array, grid: PhaseSpaceGrid | None) -> xr.Dataset:
+    own, length = ds["x"].values, _length(ds)
+    waves = _spectral(own, places, length)
     fields: dict[str, xr.DataArray] = {}
     for ending in ENDINGS:
         names = [name + ending for name in ("density", *RATIOS) if name + ending in ds]
         if f"density{ending}" in names and len(names) > 1:
-            fields |= _moments({name.removesuffix(ending): ds[name] for name in names}, nx, ending)
+            fields |= _moments({name.removesuffix(ending): ds[name] for name in names}, waves, ending)
     for name, field in ds.data_vars.items():
         if "x" in field.dims and name not in fields and name != "x_bounds":
             linear = str(name).endswith(("_stderr", "_error"))
-            fields[str(name)] = _linear(field, nx, own, length) if linear else _map(field, "x", lambda a: at_points(a, nx))
-    return _replaced(ds, fields, "x", PhaseSpaceGrid(nx, 1, length, 0.0, 1.0))
+            near = np.stack([np.interp(places, own, row, period=length) for row in np.eye(own.size)], axis=1)
+            matrix = near if linear else waves
+            fields[str(name)] = _map(field, "x", lambda a, matrix=matrix: a @ matrix.T)
+    return _replaced(ds, fields, "x", places, grid)
 
 
 def _length(ds: xr.Dataset) -> float:
@@ -83,8 +107,8 @@ def _length(ds: xr.Dataset) -> float:
     return float(x.size * (x[1] - x[0]))
 
 
-def _moments(m: dict[str, xr.DataArray], nx: int, ending: str) -> dict[str, xr.DataArray]:
-    """ρ, u, θ and q at nx places, from ρ, ρu, ρ(u² + θ) and ρu³ + 3ρuθ + q there."""
+def _moments(m: dict[str, xr.DataArray], waves: Array, ending: str) -> dict[str, xr.DataArray]:
+    """ρ, u, θ and q at places, from ρ, ρu, ρ(u² + θ) and ρu³ + 3ρuθ + q there; `waves` is the matrix that interpolates."""
     rho = m["density"].transpose(..., "x").values
     given: dict[str, Array] = {name: m[name].transpose(..., "x").values for name in RATIOS if name in m}
     missing = np.isnan(next(iter(given.values()))) & ~np.isnan(rho)
@@ -92,32 +116,32 @@ def _moments(m: dict[str, xr.DataArray], nx: int, ending: str) -> dict[str, xr.D
     theta = np.where(missing, 0.0, given.get("temperature", 0.0))
     q = np.where(missing, 0.0, given.get("heat_flux", 0.0))
     densities = rho, rho * u, rho * (u**2 + theta), rho * u**3 + 3 * rho * u * theta + q
-    rho, p, e, flux = (at_points(density, nx) for density in densities)
-    nearest = np.rint(np.arange(nx) / nx * rho.shape[-1]).astype(int) % rho.shape[-1]
+    rho, p, e, flux = (density @ waves.T for density in densities)
+    # A missing value has a say in a place where its weight is half of that of all, or more.
+    missing = missing @ np.abs(waves).T >= 0.5
     with np.errstate(divide="ignore", invalid="ignore"):
-        u = np.where(missing[..., nearest], np.nan, p / rho)
+        u = np.where(missing, np.nan, p / rho)
         theta = e / rho - u**2
     found = {"density": rho, "mean_velocity": u, "temperature": theta, "heat_flux": flux - rho * u**3 - 3 * rho * u * theta}
     return {name + ending: _like(m[name], "x", found[name]) for name in m}
 
 
-def _linear(field: xr.DataArray, nx: int, own: Array, length: float) -> xr.DataArray:
-    places = length * np.arange(nx) / nx
-    return _map(field, "x", lambda a: np.apply_along_axis(lambda row: np.interp(places, own, row, period=length), -1, a))
-
-
-def _along_v(ds: xr.Dataset, nv: int | None, window: tuple[float, float] | None) -> xr.Dataset:
+def _velocities(ds: xr.Dataset, nv: int | None, window: tuple[float, float] | None) -> PhaseSpaceGrid:
     own = ds["v"].values
     dv = (own[-1] - own[0]) / (own.size - 1)
     low, high = window or (float(own[0] - dv / 2), float(own[-1] + dv / 2))
     count = nv if nv is not None else max(2, round((high - low) / dv))
-    grid = PhaseSpaceGrid(1, int(count), 1.0, low, high)
+    return PhaseSpaceGrid(1, int(count), 1.0, low, high)
+
+
+def _along_v(ds: xr.Dataset, velocities: Array, grid: PhaseSpaceGrid | None) -> xr.Dataset:
+    own = ds["v"].values
     fields: dict[str, xr.DataArray] = {}
     for name, field in ds.data_vars.items():
         if "v" in field.dims and name != "v_bounds":
             linear = str(name).endswith(("_stderr", "_error"))
-            fields[str(name)] = _map(field, "v", lambda a, linear=linear: _over_v(own, a, grid.v, linear))
-    return _replaced(ds, fields, "v", grid)
+            fields[str(name)] = _map(field, "v", lambda a, linear=linear: _over_v(own, a, velocities, linear))
+    return _replaced(ds, fields, "v", velocities, grid)
 
 
 def _over_v(own: Array, values: Array, v: Array, linear: bool) -> Array:
@@ -135,15 +159,17 @@ def _over_v(own: Array, values: Array, v: Array, linear: bool) -> Array:
     return result
 
 
-def _spectral(own: Array, v: Array) -> Array:
-    """Matrix from values at uniform points to those at v, of the trigonometric interpolant with the points' cells as period."""
-    n, dv = own.size, own[1] - own[0]
+def _spectral(own: Array, v: Array, period: float | None = None) -> Array:
+    """Matrix from values at uniform points to those at v, of the trigonometric interpolant, by default with the points' cells as
+    its period."""
+    n = own.size
+    period = n * (own[1] - own[0]) if period is None else period
     waves = np.arange(n // 2 + 1)
     weight = np.full(waves.size, 2.0 / n)
     weight[0] = 1.0 / n
     if n % 2 == 0:
         weight[-1] = 1.0 / n
-    angle = 2 * np.pi / (n * dv) * (v[:, None] - own[None, :])
+    angle = 2 * np.pi / period * (v[:, None] - own[None, :])
     return np.asarray(np.tensordot(weight, np.cos(waves[:, None, None] * angle), axes=1))
 
 
@@ -164,11 +190,17 @@ def _like(field: xr.DataArray, dimension: str, values: Array) -> xr.DataArray:
     return xr.DataArray(values, dims=[*dims, dimension], attrs=field.attrs).transpose(*field.dims)
 
 
-def _replaced(ds: xr.Dataset, fields: dict[str, xr.DataArray], dimension: str, grid: PhaseSpaceGrid) -> xr.Dataset:
-    """The dataset with these fields and the grid's coordinate and bounds instead of its own."""
+def _replaced(
+    ds: xr.Dataset, fields: dict[str, xr.DataArray], dimension: str, points: Array, grid: PhaseSpaceGrid | None
+) -> xr.Dataset:
+    """The dataset with these fields at these points instead of its own, and the bounds of the grid's cells, where it is one."""
     attrs, order = ds[dimension].attrs, list(ds.data_vars)
     rest = ds.drop_dims(dimension)
-    name, values = schema.bounds(grid)[f"{dimension}_bounds"]
-    more = {f"{dimension}_bounds": ((name, "bounds"), values)} if f"{dimension}_bounds" in ds else {}
-    found = rest.assign(fields).assign(more).assign_coords({dimension: (dimension, getattr(grid, dimension), attrs)})
+    of_cells, more = f"{dimension}_bounds", {}
+    if grid is None:
+        attrs = {name: value for name, value in attrs.items() if name != "bounds"}
+        order = [name for name in order if name != of_cells]
+    elif of_cells in ds:
+        more = {of_cells: ((dimension, "bounds"), schema.bounds(grid)[of_cells][1])}
+    found = rest.assign(fields).assign(more).assign_coords({dimension: (dimension, points, attrs)})
     return found[order]

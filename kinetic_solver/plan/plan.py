@@ -24,6 +24,7 @@ from kinetic_solver.machine import too_large
 from kinetic_solver.plan import choices, in_hermite, in_t, in_v, in_x, measured
 from kinetic_solver.plan.criterion import Criterion, strictest
 from kinetic_solver.plan.moving_frame import ReferenceFrame
+from kinetic_solver.plan.output import output_grids
 from kinetic_solver.plan.scales import Scales, scales_of
 from kinetic_solver.plan.waves import Waves
 from kinetic_solver.scene import (
@@ -36,13 +37,6 @@ from kinetic_solver.scene import (
     check_is_scene,
 )
 
-MOST_VELOCITIES = 20_000
-"""Of the output of a noiseless run. Chosen: more are asked for by mistake."""
-LEAST_PLACES, LEAST_VELOCITIES = 65, 64
-"""At which fields are given where no key says how many; one place where nothing depends on x. Chosen: a wave, and a Maxwellian,
-look smooth on them, and an odd number of places holds whole waves, for whoever starts from them."""
-OUTPUT_ARRAYS = 4
-"""Arrays of the output's size alive at once: f interpolated in x, in v, and as it is written. Counted, generously."""
 CHECKED_VELOCITIES, CHECKED_REACH = 240, 9.5
 """Points, and thermal velocities, on which a law of one's own is looked at before a run: Maxwellians end there to round-off."""
 MEMORY_TIME = 5.0
@@ -202,7 +196,7 @@ def _make_plan(scene: Scene, known: Mapping[str, str], law: CollisionLaw | None,
     elif stepping == "strang":
         choices.warn_of_a_long_strang_step(scales, waves)
         choices.warn_of_an_unresolved_kernel(scales, grid, time_step, drift_diffusion)
-    output, whole = _output_grids(replace(grid, nv=int(shown.value)), frame, scales.times, scene)
+    output, whole = output_grids(replace(grid, nv=int(shown.value)), frame, scales.times, scene)
     plan = Plan(
         scene,
         here.start,
@@ -254,37 +248,6 @@ def _velocities(scales: Scales, waves: Waves, velocity: VelocityScheme, schemes:
     coarsest = strictest(in_v.spacings(scales, waves, schemes))
     points = max(in_v.LEAST_POINTS, math.ceil(width / coarsest.value))
     return Criterion(points, f"dv = {coarsest.value:.3g} resolves {coarsest.reason}")
-
-
-def _output_grids(
-    grid: PhaseSpaceGrid, frame: ReferenceFrame, times: Array, scene: Scene
-) -> tuple[PhaseSpaceGrid, PhaseSpaceGrid]:
-    """`Plan.output` and `Plan.whole`: what [output] says, else what [grid] says, else the solver's and enough to be looked at."""
-    whole, given = _holding_all(grid, frame, times, scene), scene.output
-    nx = given.nx or (grid.nx if scene.grid.nx or grid.nx == 1 else max(LEAST_PLACES, grid.nx))
-    whole = replace(whole, nx=nx)
-    low, high = given.velocity_window or (whole.low, whole.high)
-    nv = whole.nv if scene.grid.nv else max(LEAST_VELOCITIES, math.ceil((high - low) / whole.dv - 1e-9))
-    output = replace(whole, nv=given.nv or nv, low=low, high=high)
-    if (why := too_large(8 * OUTPUT_ARRAYS * output.nx * output.nv)) is not None:
-        raise SceneError(f"output: nx = {output.nx}, nv = {output.nv} {why}; reduce output.nx or output.nv")
-    return output, whole
-
-
-def _holding_all(grid: PhaseSpaceGrid, frame: ReferenceFrame, times: Array, scene: Scene) -> PhaseSpaceGrid:
-    """Holds all that the solver's first window holds, at every frame, with its resolution."""
-    if not frame.moving:
-        return grid
-    places = [frame.place(float(clock)) for clock in times]
-    low = min(place.velocity + place.scale * grid.low for place in places)
-    high = max(place.velocity + place.scale * grid.high for place in places)
-    nv = math.ceil((high - low) / (grid.dv * min(place.scale for place in places)) - 1e-9)
-    if nv > MOST_VELOCITIES:
-        raise SceneError(
-            f"run.end_time = {scene.run.end_time:g}: without noise the velocity distribution becomes so narrow that the output "
-            f"would need {nv} velocities; allowed: {MOST_VELOCITIES}; end the run earlier"
-        )
-    return PhaseSpaceGrid(grid.nx, nv, grid.length, low, high)
 
 
 def _on_the_files_grid(scene: Scene) -> tuple[Scene, dict[str, str]]:

@@ -178,10 +178,11 @@ class Run(Table):
 Cadence = Annotated[bool, Field(strict=True)] | Positive
 
 
-def _check_window(window: tuple[float, float] | None) -> None:
-    if window is not None and not window[0] < window[1]:
-        low, high = window
-        raise ValueError(f"velocity_window = [{low}, {high}] is reversed or empty; the first number must be the smaller one")
+def _wrong_window(window: tuple[float, float] | None) -> str | None:
+    """What is wrong with it, if anything."""
+    if window is None or window[0] < window[1]:
+        return None
+    return f"velocity_window = [{window[0]}, {window[1]}] is reversed or empty; the first number must be the smaller one"
 
 
 GROUPS = ("f", "moments", "scalars", "budgets", "moment_equations", "particles")
@@ -213,7 +214,8 @@ class Output(Table):
 
     @model_validator(mode="after")
     def _window(self) -> Output:
-        _check_window(self.velocity_window)
+        if (wrong := _wrong_window(self.velocity_window)) is not None:
+            raise ValueError(wrong)
         return self
 
 
@@ -265,7 +267,8 @@ class Grid(Table):
 
     @model_validator(mode="after")
     def _window(self) -> Grid:
-        _check_window(self.velocity_window)
+        if (wrong := _wrong_window(self.velocity_window)) is not None:
+            raise ValueError(wrong)
         return self
 
 

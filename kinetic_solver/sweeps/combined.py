@@ -40,9 +40,7 @@ def combined(scene: Scene, values: Mapping[str, Sequence[Any]], points: Sequence
     needed = sum(there[0][name].nbytes for name in there[0].data_vars) * len(points) * 2
     if (why := too_large(needed)) is not None:
         raise SceneError(f"sweep: {len(points)} points {why}; set output.f = false, or fewer points of output.nx and output.nv")
-    whole = xr.concat(
-        there, POINT, data_vars="all", coords="minimal", compat="override", join="outer", combine_attrs="override"
-    )
+    whole = xr.concat(there, POINT, data_vars="all", coords="minimal", compat="override", join="outer", combine_attrs="override")
     places = np.flatnonzero([run is not None for run in runs])
     shape = tuple(len(listed) for listed in values.values())
     data: dict[str, Any] = {}
