@@ -39,7 +39,7 @@ CHECKED = Scene.model_validate(
 )
 """Runs in a second by every method that is checked, and has a closed form."""
 SIGMAS = 6.0
-"""Standard errors of four replicas within which the particles' energy must be. Chosen; the seed is fixed, so chance has no say."""
+"""Standard errors of four replicas within which the particles' energy must be. Chosen; the seed is fixed: chance has no say."""
 
 
 def report() -> tuple[list[tuple[str, list[Row]]], bool]:

@@ -64,7 +64,7 @@ class Comparison:
 
     @property
     def hidden(self) -> float:
-        """The largest share of a field's scale that is granted to the systematic parts: differences up to there are not judged."""
+        """The largest share of a scale that is granted to the systematic parts: differences up to there are not judged."""
         return max(row.bound / row.scale for row in self.rows)
 
     @property

@@ -64,26 +64,19 @@ def frames(scene: Scene, grid: PhaseSpaceGrid, schedule: Schedule, first: int = 
         state = Solution(scene, time)
         frame: dict[str, dict[str, Array | float]] = {}
         if due & {"f", "moments"}:
-            f = state.distribution(grid.x, grid.v)
+            # Of few places w(v) = ∫f dx is made from more, among which they are.
+            finer = -(-PLACES // grid.nx) if "moments" in due and not scene.homogeneous else 1
+            f = state.distribution(grid.length / (finer * grid.nx) * np.arange(finer * grid.nx), grid.v)
+            w, f = f.mean(axis=0) * grid.length, f[::finer]
         if due & {"moments", "scalars"}:
             rho, u, theta, q = state.moments(grid.x)
         if "f" in due:
             frame["f"] = {"f": f}
         if "moments" in due:
-            w = _over_x(state, grid, f)
             frame["moments"] = dict(zip(VARIABLES["moments"], (rho, u, theta, q, w), strict=True))
         if "scalars" in due:
             frame["scalars"] = dict(zip(VARIABLES["scalars"], totals(state, rho, u, theta), strict=True))
         yield time, frame
-
-
-def _over_x(state: Solution, grid: PhaseSpaceGrid, f: Array) -> Array:
-    """w(v) = ∫f dx, of `f` where its places are close enough for that, else of closer ones."""
-    times = -(-PLACES // grid.nx)
-    if state.scene.homogeneous or times == 1:
-        return np.asarray(f.sum(axis=0) * grid.dx)
-    x = grid.length * np.arange(times * grid.nx) / (times * grid.nx)
-    return np.asarray(state.distribution(x, grid.v).mean(axis=0) * grid.length)
 
 
 def totals(state: Solution, rho: Array, u: Array, theta: Array) -> tuple[float, float, float]:

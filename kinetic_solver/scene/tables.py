@@ -99,10 +99,14 @@ def _names(table: type[Table]) -> set[str]:
 
 def _hint(table: type[Table], key: str, known: set[str]) -> str:
     """The key that may have been meant: one of this name in a table below, or one with nearly this name."""
-    for name, field in table.model_fields.items():
-        for part in (field.annotation, *get_args(field.annotation)):
-            if isinstance(part, type) and issubclass(part, Table) and key in _names(part):
-                return f"did you mean '{name}.{key}'?"
+    below = [
+        f"'{name}.{key}'"
+        for name, field in table.model_fields.items()
+        for part in (field.annotation, *get_args(field.annotation))
+        if isinstance(part, type) and issubclass(part, Table) and key in _names(part)
+    ]
+    if below:
+        return f"did you mean {' or '.join(below)}?"
     near = difflib.get_close_matches(key, sorted(known), n=1, cutoff=0.5) if len(key) <= LONGEST_SHOWN else []
     return f"did you mean {near[0]!r}?" if near else "allowed: " + ", ".join(sorted(known))
 
