@@ -5,6 +5,9 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
+import subprocess
+import sys
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -14,7 +17,10 @@ import pytest
 import xarray as xr
 
 from kinetic_solver import KineticError, Scene, sweep
+from kinetic_solver.dataset import open_netcdf
 from kinetic_solver.sweeps import execution
+
+Command = Callable[..., subprocess.CompletedProcess[str]]
 
 SCENE: dict[str, Any] = {
     "model": {"gravity": 1.3, "friction": 0.7, "noise": 0.5},
@@ -77,3 +83,23 @@ def test_processes_that_die_again_and_again(tmp_path: Path, monkeypatch: pytest.
     monkeypatch.setattr(execution, "run_point", _dies)
     with pytest.raises(KineticError, match="3 times processes died before any point was finished"):
         sweep(Scene.model_validate(SCENE), VALUES, tmp_path)
+
+
+def test_the_scheduler_of_a_cluster(command: Command, tmp_path: Path, alone: xr.Dataset) -> None:
+    distributed = pytest.importorskip("distributed")
+    (tmp_path / "scene.toml").write_text(Scene.model_validate(SCENE).to_toml(), encoding="utf-8")
+    values = ",".join(map(str, VALUES["collisions.restitution"][:2]))
+    arguments = ("sweep", "scene.toml", "--set", f"collisions.restitution={values}", "-o", "out")
+    with distributed.LocalCluster(1, threads_per_worker=1, processes=True, dashboard_address=None) as cluster:
+        done = command(*arguments, "--scheduler", cluster.scheduler_address, folder=tmp_path)
+    assert done.returncode == 0
+    with open_netcdf(tmp_path / "out" / "sweep.nc") as found:
+        np.testing.assert_array_equal(found["f"], alone["f"][:2])
+
+
+def test_a_scheduler_without_the_package(command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    (tmp_path / "scene.toml").write_text(Scene.model_validate(SCENE).to_toml(), encoding="utf-8")
+    arguments = ("sweep", "scene.toml", "--set", "model.gravity=1,2", "-o", "out", "--scheduler", "tcp://127.0.0.1:1")
+    done = command(*arguments, folder=tmp_path)
+    assert (done.returncode, "install kinetic-solver[distributed]" in done.stderr) == (2, True)
