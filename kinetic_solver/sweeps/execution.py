@@ -5,10 +5,13 @@ from __future__ import annotations
 import concurrent.futures
 import multiprocessing
 import os
+import sys
 import tempfile
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import BrokenExecutor, Executor, ProcessPoolExecutor
+from contextlib import contextmanager
 from pathlib import Path
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from kinetic_solver.dataset import one_writer, write_dataset
@@ -106,7 +109,8 @@ def _run(
 
 
 def _ask(executor: Executor, left: list[Point], say: Say) -> None:
-    asked = {executor.submit(run_point, point): point for point in left}
+    with _nothing_to_import_again():
+        asked = {executor.submit(run_point, point): point for point in left}
     try:
         for count, future in enumerate(concurrent.futures.as_completed(asked), 1):
             future.result()
@@ -116,6 +120,18 @@ def _ask(executor: Executor, left: list[Point], say: Say) -> None:
         for future in asked:
             future.cancel()
         raise
+
+
+@contextmanager
+def _nothing_to_import_again() -> Iterator[None]:
+    """Processes that are started here do not run the caller's script again, as spawned ones do to find functions of it: points
+    need none. So a script may call a sweep at its top level."""
+    own = sys.modules["__main__"]
+    sys.modules["__main__"] = ModuleType("__main__")
+    try:
+        yield
+    finally:
+        sys.modules["__main__"] = own
 
 
 def _ask_pools(left: list[Point], say: Say) -> None:
@@ -135,7 +151,7 @@ def _ask_pools(left: list[Point], say: Say) -> None:
         if deaths == MOST_DEATHS:
             raise KineticError(
                 f"sweep: {MOST_DEATHS} times processes died before any point was finished, {left[0]} among {len(left)} left; "
-                "allowed: points that fit into memory, and in a script the call below: if __name__ == '__main__'"
+                "allowed: points that fit into memory"
             )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import subprocess
+import sys
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -176,3 +177,16 @@ def test_from_the_command_line(command: Command, make_scene: MakeScene, tmp_path
     assert "3 of 3 points are there already" in again.stderr
     wrong = command("sweep", "scene.toml", "--set", "model.gravity=0.4", "-o", "out", folder=tmp_path)
     assert (wrong.returncode, "is one value" in wrong.stderr) == (2, True)
+
+
+def test_in_a_script_at_its_top_level(tmp_path: Path) -> None:
+    """Spawned processes do not run it again."""
+    script = tmp_path / "script.py"
+    script.write_text(
+        "from kinetic_solver import Scene, sweep\n"
+        "print('begun')\n"
+        "scene = Scene.model_validate({'pipe': {'length': 3.0}, 'run': {'end_time': 0.1}})\n"
+        "print(sweep(scene, {'model.noise': [0.5, 0.7]})['status'].values.tolist())\n"
+    )
+    done = subprocess.run([sys.executable, script], capture_output=True, text=True, check=True, cwd=tmp_path)
+    assert done.stdout == "begun\n[1, 1]\n"
