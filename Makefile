@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 NAME := $(basename $(notdir $(SCENE)))
 
-.PHONY: run test lint benchmark clean
+.PHONY: run test lint benchmark keys clean
 
 run: $(VENV)/.installed
 	@mkdir -p output
@@ -28,6 +28,10 @@ $(VENV)/.installed: pyproject.toml
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
 	@touch $@
+
+# The schema of scenes and the table of their keys, after a key has changed.
+keys: $(VENV)/.installed
+	$(BIN)/python -c 'from pathlib import Path; from kinetic_solver.scene.schema import write; write(Path("."))'
 
 clean:
 	rm -rf $(VENV) output build *.egg-info

@@ -9,15 +9,18 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from kinetic_solver.machine import keep_compiled_code
+from kinetic_solver.when_xarray_comes import register_accessor
 
 if TYPE_CHECKING:
     from kinetic_solver import compare, exact, hydrodynamics, stability
     from kinetic_solver.analysis.certification import certify
+    from kinetic_solver.analysis.resampling import resample
     from kinetic_solver.errors import KineticError, OutputExistsError, RunUnfinished, SceneError, SolverStopped
     from kinetic_solver.laws import CollisionLaw, PairLaw
     from kinetic_solver.methods import run_to_file
     from kinetic_solver.scene import Scene
     from kinetic_solver.solver.solve import solve
+    from kinetic_solver.sweeps import sweep
 
     __version__: str
 
@@ -35,9 +38,11 @@ __all__ = [
     "compare",
     "exact",
     "hydrodynamics",
+    "resample",
     "run_to_file",
     "solve",
     "stability",
+    "sweep",
 ]
 
 _HOME = {
@@ -50,12 +55,15 @@ _HOME = {
     "SceneError": "errors",
     "SolverStopped": "errors",
     "certify": "analysis.certification",
+    "resample": "analysis.resampling",
     "run_to_file": "methods",
     "solve": "solver",
+    "sweep": "sweeps",
 }
 _PACKAGES = ("compare", "exact", "hydrodynamics", "stability")
 
 keep_compiled_code()
+register_accessor()
 
 
 def __getattr__(name: str) -> Any:

@@ -143,8 +143,9 @@ def make_plan(scene: Scene, operator: CollisionLaw | None = None, own: initial.G
     wanted = min(math.ceil(min(4 * length / scales.shortest, 1e18)), given.count // LEAST_IN_CELL)
     cells = 1 if in_file else given.cells or max(1, wanted)
     step = (given.time_step or 0.1 / scales.fastest) if law else math.inf
-    low, high = scene.grid.velocity_window or _window(scene, law, start)
-    grid = PhaseSpaceGrid(scene.grid.nx or 65, scene.grid.nv or 64, length, low, high)
+    shown = scene.output
+    low, high = shown.velocity_window or scene.grid.velocity_window or _window(scene, law, start)
+    grid = PhaseSpaceGrid(shown.nx or scene.grid.nx or 65, shown.nv or scene.grid.nv or 64, length, low, high)
     width = 0.0 if in_file else length / cells / scales.shortest
     plan = ParticlePlan(scene, law, grid, cells, step, scales.path, scales.fastest, width, start)
     _check(plan)

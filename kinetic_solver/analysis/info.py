@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import json
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -10,6 +11,33 @@ if TYPE_CHECKING:
     import xarray as xr
 
 _STATUS = {0: "running, or killed", 1: "finished", 2: "stopped"}
+DIAGNOSTICS = (
+    "minimum_of_f",
+    "edge_error_low",
+    "edge_error_high",
+    "velocity_curvature",
+    "spectral_tail",
+    "density_defect",
+    "error_estimate",
+)
+SAID = (
+    "limited_by",
+    "flow",
+    "error_maximum_norm",
+    "error_L1",
+    "jumps_from",
+    "grids",
+    "missing",
+    "certified",
+    "cells",
+    "overtakings",
+    "weight",
+    "warning",
+    "first",
+    "second",
+    "verdict",
+)
+"""Attributes in which a method says something of its run."""
 
 
 def summary(dataset: xr.Dataset) -> list[str]:
@@ -31,49 +59,49 @@ def summary(dataset: xr.Dataset) -> list[str]:
             lines.append(f"grid        nx = {dataset.sizes['x']}")
     else:
         lines.append(f"variables   {', '.join(map(str, dataset.data_vars))}")
-
-    def last(name: str) -> float:
-        values = np.asarray(dataset[name].values, dtype=float)
-        return float(values[np.isfinite(values)][-1])
-
     for name in ("mass", "momentum", "energy"):
         if name in dataset:
             first = float(dataset[name].values[0])
-            line = f"{name:<12}{first:.10g} → {last(name):.10g}"
+            line = f"{name:<12}{first:.10g} → {_last(dataset, name):.10g}"
             if f"{name}_residual" in dataset:
-                line += f", budget residual {last(f'{name}_residual'):.2g}"
+                line += f", budget residual {_last(dataset, f'{name}_residual'):.2g}"
             lines.append(line)
-    for name in (
-        "minimum_of_f",
-        "edge_error_low",
-        "edge_error_high",
-        "velocity_curvature",
-        "spectral_tail",
-        "density_defect",
-        "error_estimate",
-    ):
+    for name in DIAGNOSTICS:
         if name in dataset:
             worst = dataset[name].min() if name == "minimum_of_f" else dataset[name].max()
             lines.append(f"{name:<20}{float(worst):.2g}   {dataset[name].attrs['long_name']}")
-    for name in (
-        "limited_by",
-        "flow",
-        "error_maximum_norm",
-        "error_L1",
-        "jumps_from",
-        "grids",
-        "missing",
-        "certified",
-        "cells",
-        "overtakings",
-        "weight",
-        "warning",
-        "first",
-        "second",
-        "verdict",
-    ):
+    for name in SAID:
         if name in a:
             value = f"{a[name]:.2g}" if isinstance(a[name], float) else a[name]
             lines.append(f"{name:<12} {value}" if len(name) > 11 else f"{name:<12}{value}")
     lines.append(f"scene       {a.get('scene', 'none')}")
     return lines
+
+
+def _last(dataset: xr.Dataset, name: str) -> float:
+    values = np.asarray(dataset[name].values, dtype=float)
+    return float(values[np.isfinite(values)][-1])
+
+
+def facts(dataset: xr.Dataset) -> dict[str, Any]:
+    """What `summary` says as plain values, for other programs; the scene as its tables."""
+    found: dict[str, Any] = {name: dataset.attrs.get(name) for name in ("method", "version", "created", "command")}
+    if "status" in dataset:
+        found["status"] = _STATUS[int(dataset["status"])]
+        found["stopped"] = dataset.attrs.get("stopped")
+    found["sizes"] = {str(name): size for name, size in dataset.sizes.items()}
+    found["variables"] = [str(name) for name in dataset.data_vars]
+    for axis in ("time", "x", "v"):
+        if axis in dataset.coords and dataset.sizes[axis]:
+            found[axis] = [float(dataset[axis][0]), float(dataset[axis][-1])]
+    for name in ("mass", "momentum", "energy"):
+        if name in dataset:
+            found[name] = [float(dataset[name][0]), _last(dataset, name)]
+            if f"{name}_residual" in dataset:
+                found[f"{name}_residual"] = _last(dataset, f"{name}_residual")
+    for name in DIAGNOSTICS:
+        if name in dataset:
+            found[name] = float(dataset[name].min() if name == "minimum_of_f" else dataset[name].max())
+    found |= {name: dataset.attrs[name] for name in SAID if name in dataset.attrs}
+    found["scene"] = json.loads(dataset.attrs["scene"])
+    return found

@@ -1,11 +1,12 @@
 """The command line: thin, and lazy: nothing heavy is imported until a command runs."""
 
-from kinetic_solver.cli import compare, init, look, run, theory
+from kinetic_solver.cli import compare, doctor, init, look, run, sweep, theory
 from kinetic_solver.cli.app import app, main
 
 # In the order in which --help lists them.
 for command in (
     run.run,
+    sweep.sweep,
     look.plot,
     look.describe,
     theory.stability,
@@ -13,6 +14,7 @@ for command in (
     theory.figure,
     look.info,
     init.init,
+    doctor.doctor,
 ):
     app.command()(command)
 

@@ -14,8 +14,9 @@ import typer
 if TYPE_CHECKING:
     from kinetic_solver.scene import Scene
 
-FAILED, WRONG, UNFINISHED, DIFFER, INTERRUPTED = 1, 2, 3, 4, 130
-"""Exit codes: failed while running; scene or command wrong; stopped early with a checkpoint; compare: the two differ; Ctrl-C."""
+FAILED, WRONG, UNFINISHED, DIFFER, INCONCLUSIVE, INTERRUPTED = 1, 2, 3, 4, 5, 130
+"""Exit codes: failed while running; scene or command wrong; stopped early with a checkpoint; compare: the two differ, or cannot
+be judged; Ctrl-C."""
 
 app = typer.Typer(
     name="kinetic-solver",
@@ -31,6 +32,26 @@ RunPath = Annotated[Path, typer.Argument(metavar="OUT.nc", show_default=False)]
 Numbers = Annotated[Path | None, typer.Option("-o", "--output", metavar="OUT.nc", help="Write the numbers as a dataset too.")]
 Overrides = Annotated[list[str] | None, typer.Option("--set", metavar="a.b=value", help="Override a key of the scene.")]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace an existing output file.")]
+
+
+AsJson = Annotated[bool, typer.Option("--json", help="For other programs, as JSON.")]
+
+
+def print_json(facts: Any) -> None:
+    """One JSON text; what is no number is null."""
+    import json
+
+    print(json.dumps(_without_nan(facts), ensure_ascii=False, indent=1, allow_nan=False))
+
+
+def _without_nan(facts: Any) -> Any:
+    if isinstance(facts, dict):
+        return {str(key): _without_nan(value) for key, value in facts.items()}
+    if isinstance(facts, list | tuple):
+        return [_without_nan(value) for value in facts]
+    if hasattr(facts, "item"):
+        facts = facts.item()
+    return None if isinstance(facts, float) and not abs(facts) < float("inf") else facts
 
 
 def main() -> None:

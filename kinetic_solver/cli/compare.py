@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from kinetic_solver.cli.app import DIFFER, Numbers, Overwrite, exit_codes, refuse_picture
+from kinetic_solver.cli.app import DIFFER, INCONCLUSIVE, AsJson, Numbers, Overwrite, exit_codes, print_json, refuse_picture
 
 
 def compare(
@@ -18,8 +19,9 @@ def compare(
     level: Annotated[float, typer.Option(help="Rate at which two runs of the same scene may be said to differ.")] = 0.01,
     time: Annotated[float | None, typer.Option(help="Of particles whose file has no time.")] = None,
     overwrite: Overwrite = False,
+    as_json: AsJson = False,
 ) -> None:
-    """Lay two datasets over each other: differences in standard errors. Exit code 4 if they differ."""
+    """Lay two datasets over each other: differences in standard errors. Exit code 4: they differ, 5: it cannot be judged."""
     with exit_codes():
         from kinetic_solver.compare import compare as lay_over
         from kinetic_solver.dataset import attributes, refuse_existing, write_dataset
@@ -31,17 +33,23 @@ def compare(
         if output is not None:
             refuse_existing(output, overwrite)
         found = lay_over(first, second, level, time)
-        print("\n".join(found.lines()))
+        if as_json:
+            print_json(found.facts())
+        else:
+            print("\n".join(found.lines()))
+        say = sys.stderr if as_json else sys.stdout
         if output is not None:
             dataset = found.dataset()
             dataset.attrs.update(attributes(found.scene, "comparison"))
             write_dataset(dataset, output, overwrite)
-            print(f"wrote {output}")
+            print(f"wrote {output}", file=say)
         if figure:
             from kinetic_solver.analysis.comparison_figure import save_comparison
 
             target = output.with_suffix(".png") if output else Path(f"{first.stem}-{second.stem}.png")
             save_comparison(found, target)
-            print(f"wrote {target}")
+            print(f"wrote {target}", file=say)
     if found.differ:
         raise typer.Exit(DIFFER)
+    if not found.conclusive:
+        raise typer.Exit(INCONCLUSIVE)

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from kinetic_solver.cli.app import Overrides, RunPath, ScenePath, exit_codes, load
+from kinetic_solver.cli.app import AsJson, Overrides, RunPath, ScenePath, exit_codes, load, print_json
 
 
 def plot(
@@ -34,7 +34,7 @@ def plot(
         print(f"wrote {target}")
 
 
-def describe(scene: ScenePath, overrides: Overrides = None) -> None:
+def describe(scene: ScenePath, overrides: Overrides = None, as_json: AsJson = False) -> None:
     """Print the equation, its groups, the homogeneous state, and the run that would be made."""
     with exit_codes():
         from kinetic_solver.analysis.describe import describe as sections
@@ -48,6 +48,9 @@ def describe(scene: ScenePath, overrides: Overrides = None) -> None:
             from particles.report import rows as rows_of_particles
 
             found.append(("Run as particles (--method particles)", rows_of_particles(make_plan(loaded))))
+        if as_json:
+            print_json({title: dict(rows) for title, rows in found})
+            return
         for title, rows in found:
             print(f"\n{title}")
             width = max(len(label) for label, _ in rows)
@@ -55,12 +58,15 @@ def describe(scene: ScenePath, overrides: Overrides = None) -> None:
                 print(f"  {label:<{width}}  {text}")
 
 
-def info(run: RunPath) -> None:
+def info(run: RunPath, as_json: AsJson = False) -> None:
     """Say what a run's file holds, and how well its budgets close."""
     with exit_codes():
-        from kinetic_solver.analysis.info import summary
+        from kinetic_solver.analysis.info import facts, summary
         from kinetic_solver.dataset import open_run
 
         with open_run(run) as dataset:
+            if as_json:
+                print_json(facts(dataset))
+                return
             for line in summary(dataset):
                 print(line)

@@ -13,6 +13,7 @@ docs/compare.md.
 from __future__ import annotations
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -24,6 +25,9 @@ from kinetic_solver.scene import Scene
 
 LEVEL = 0.01
 """Rate at which two datasets of the same scene may be said to differ."""
+WIDE = 0.1
+"""Of a field's scale: where the systematic parts may be larger, that no difference is found says too little. Chosen: half of what
+makes two curves look different."""
 MOST_LINES = 25
 """Rows that the table shows; of more than that, it shows one for each field."""
 
@@ -59,9 +63,21 @@ class Comparison:
         return self.p < self.level
 
     @property
+    def hidden(self) -> float:
+        """The largest share of a scale that is granted to the systematic parts: differences up to there are not judged."""
+        return max(row.bound / row.scale for row in self.rows)
+
+    @property
+    def conclusive(self) -> bool:
+        """False where no difference is found, and `WIDE` ones would not be."""
+        return self.differ or self.hidden <= WIDE
+
+    @property
     def verdict(self) -> str:
         """In one line."""
         word = "they differ" if self.differ else "no difference found"
+        if not self.conclusive:
+            word = f"inconclusive: differences below {100 * self.hidden:.2g} % cannot be judged"
         if all(np.isnan(row.z).all() for row in self.rows):
             worst = max(float(np.abs(row.difference).max() / row.bound) for row in self.rows)
             return f"{word}: at most {worst:.2g} times what the systematic parts allow"
@@ -86,6 +102,28 @@ class Comparison:
         if len(rows) < len(self.rows):
             table.append(f"the time at which each field differs most, of {len(self.rows)} fields and times")
         return [*self.sides, "", *table, "", *self.notes, self.verdict]
+
+    def facts(self) -> dict[str, Any]:
+        """The same as plain values, for other programs: numbers relative to each field's scale."""
+        return {
+            "verdict": self.verdict,
+            "differ": self.differ,
+            "conclusive": self.conclusive,
+            "p": self.p,
+            "level": self.level,
+            "sides": list(self.sides),
+            "notes": self.notes,
+            "rows": [
+                {
+                    "field": row.field,
+                    "time": "mean" if row.time == MEAN else row.time,
+                    "difference": float(row.difference[row.worst]) / row.scale,
+                    "systematic": row.bound / row.scale,
+                    "p": row.p,
+                }
+                for row in self.rows
+            ],
+        }
 
     def least_likely(self) -> list[Row]:
         """The row of each field with the least p, and of those the largest difference."""
@@ -133,4 +171,8 @@ class Comparison:
                             full[np.searchsorted(times, row.time)] = value
                     data[f"{field}_{name}"] = (("time", *dims), full, {"long_name": text})
         attributes = {"first": self.sides[0], "second": self.sides[1], "notes": "\n".join(self.notes), "verdict": self.verdict}
-        return xr.Dataset(data, coordinates, {**attributes, "differ": int(self.differ), "level": self.level, "p": self.p})
+        return xr.Dataset(
+            data,
+            coordinates,
+            {**attributes, "differ": int(self.differ), "conclusive": int(self.conclusive), "level": self.level, "p": self.p},
+        )

@@ -8,12 +8,10 @@ import struct
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pydantic import ValidationError
-
 from kinetic_solver.dataset.header import needed_bytes
 from kinetic_solver.dataset.schema import STOPPED
 from kinetic_solver.errors import OutputExistsError, OutputFailed, SceneError
-from kinetic_solver.scene import Scene, one_line
+from kinetic_solver.scene import Scene
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -92,8 +90,8 @@ def scene_of(dataset: xr.Dataset, source: str | Path | None = None) -> Scene:
         raise _no_scene(source)
     try:
         return Scene.model_validate_json(dataset.attrs["scene"])
-    except ValidationError as error:
-        raise SceneError(f"{source}: its scene cannot be read ({one_line(error)})") from None
+    except SceneError as error:
+        raise SceneError(f"{source}: its scene cannot be read ({error})") from None
 
 
 def _no_scene(source: str | Path) -> SceneError:
@@ -182,7 +180,9 @@ def write_dataset(dataset: xr.Dataset, path: str | Path, overwrite: bool = False
     except OSError as error:
         raise SceneError(f"{path}: cannot be created ({error.strerror})") from None
     try:
-        growing = [name for name in ("time",) if name in dataset.dims]
+        # A dimension that grows is the first of every variable that has it: in a sweep it is not.
+        over_time = [variable.dims for variable in dataset.variables.values() if "time" in variable.dims]
+        growing = ["time"] if over_time and all(dims[0] == "time" for dims in over_time) else []
         dataset.to_netcdf(part, format="NETCDF3_64BIT_DATA", engine="netcdf4", unlimited_dims=growing)  # type: ignore[call-overload]
         part.replace(path)
     except (OSError, RuntimeError) as error:

@@ -30,6 +30,8 @@ VARIABLES: Variables = {
     "scalars": {name: schema.VARIABLES["scalars"][name] for name in ("mass", "momentum", "energy")},
 }
 """Those of the common schema that a closed form has: no diagnostics, no budgets."""
+PLACES = 64
+"""Points in x where no key says how many; of fewer, w(v) is made from more. Chosen."""
 TOTALS_TOLERANCE, MOST_PLACES = 1e-10, 4096
 """Of the mass, to which places on the pipe are added, and the most of them. Chosen: sums over a period converge all at once."""
 
@@ -62,13 +64,15 @@ def frames(scene: Scene, grid: PhaseSpaceGrid, schedule: Schedule, first: int = 
         state = Solution(scene, time)
         frame: dict[str, dict[str, Array | float]] = {}
         if due & {"f", "moments"}:
-            f = state.distribution(grid.x, grid.v)
+            # Of few places w(v) = ∫f dx is made from more, among which they are.
+            finer = -(-PLACES // grid.nx) if "moments" in due and not scene.homogeneous else 1
+            f = state.distribution(grid.length / (finer * grid.nx) * np.arange(finer * grid.nx), grid.v)
+            w, f = f.mean(axis=0) * grid.length, f[::finer]
         if due & {"moments", "scalars"}:
             rho, u, theta, q = state.moments(grid.x)
         if "f" in due:
             frame["f"] = {"f": f}
         if "moments" in due:
-            w = f.sum(axis=0) * grid.dx
             frame["moments"] = dict(zip(VARIABLES["moments"], (rho, u, theta, q, w), strict=True))
         if "scalars" in due:
             frame["scalars"] = dict(zip(VARIABLES["scalars"], totals(state, rho, u, theta), strict=True))
@@ -112,17 +116,18 @@ def points(scene: Scene, x: ArrayLike | None = None, v: ArrayLike | None = None)
 
 
 def _grid(scene: Scene, x: ArrayLike | None, v: ArrayLike | None) -> PhaseSpaceGrid:
-    nx = np.size(x) if x is not None else scene.grid.nx or (1 if scene.homogeneous else 64)
-    nv = np.size(v) if v is not None else scene.grid.nv or 128
-    for name, points in (("x", x), ("v", v)):
-        if points is not None and not (np.size(points) > (name == "v") and np.all(np.diff(points) > 0)):
+    shown = scene.output
+    nx = np.size(x) if x is not None else shown.nx or scene.grid.nx or (1 if scene.homogeneous else PLACES)
+    nv = np.size(v) if v is not None else shown.nv or scene.grid.nv or 128
+    for name, given in (("x", x), ("v", v)):
+        if given is not None and not (np.size(given) > (name == "v") and np.all(np.diff(given) > 0)):
             raise SceneError(f"{name}: must increase, and be {'two' if name == 'v' else 'one'} at least")
     if v is not None:
         velocities = np.asarray(v, float)
         half = (velocities[-1] - velocities[0]) / (nv - 1) / 2
         low, high = float(velocities[0] - half), float(velocities[-1] + half)
     else:
-        low, high = scene.grid.velocity_window or _window(scene)
+        low, high = shown.velocity_window or scene.grid.velocity_window or _window(scene)
     if (why := too_large(8 * ARRAYS * nx * nv)) is not None:
         raise SceneError(f"grid: nx = {nx}, nv = {nv} {why}; reduce nx or nv")
     if nx == 1 and not scene.homogeneous:
@@ -130,7 +135,7 @@ def _grid(scene: Scene, x: ArrayLike | None, v: ArrayLike | None) -> PhaseSpaceG
         raise SceneError(f"{key}: one place does not hold a scene that depends on x; allowed: more of them")
     within = _window(scene)
     if high <= within[0] or low >= within[1]:
-        key = "grid.velocity_window" if v is None else "v"
+        key = "v" if v is not None else "output.velocity_window" if shown.velocity_window else "grid.velocity_window"
         raise SceneError(
             f"{key}: from {low:g} to {high:g} f is zero everywhere; allowed: velocities between {within[0]:.4g} and "
             f"{within[1]:.4g}"

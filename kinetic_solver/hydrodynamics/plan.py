@@ -24,6 +24,8 @@ class Plan:
     schedule: Schedule
     output: PhaseSpaceGrid
     """Its velocities are no axis of anything: one cell, since hydrodynamics has no f."""
+    points: int
+    """Of the closure's second pass, or as given: a multiple of the output's."""
 
     @property
     def moments(self) -> int | None:
@@ -50,7 +52,12 @@ def make_plan(scene: Scene) -> Plan:
         nx = max(FEWEST, 32 * shortest)
     reach = scene.model.noise**0.5 or 1.0
     groups = GROUPS if scene.hydrodynamics.moments is None else GROUPS[:2]
-    return Plan(scene, groups, Schedule.of(scene, groups), PhaseSpaceGrid(nx, 1, scene.pipe.length, -reach, reach))
+    shown = scene.output.nx or nx
+    if scene.grid.nx is None and nx > 1:
+        nx = 2 * shown * math.ceil(nx / (2 * shown)) if scene.output.nx else nx
+    elif scene.hydrodynamics.moments is None and nx > 1 and nx % shown:
+        raise SceneError(f"output.nx = {shown}: the closure's points are grid.nx = {nx}; allowed: what divides it")
+    return Plan(scene, groups, Schedule.of(scene, groups), PhaseSpaceGrid(shown, 1, scene.pipe.length, -reach, reach), nx)
 
 
 def _refuse_hierarchy(scene: Scene) -> None:

@@ -78,12 +78,13 @@ def _jumps(coarse: Array, fine: Array) -> bool:
 def levels(plan: Plan) -> list[int]:
     """Points of the passes that there may be. A given grid.nx is kept, and half as many points, if that is a whole number, give
     the error."""
-    shown = plan.output.nx
-    if shown == 1:
+    points = plan.points
+    if points == 1:
         return [1] * MOST_PASSES
     if plan.scene.grid.nx is None:
-        return [shown // 2 * 2**n for n in range(MOST_PASSES)]
-    return [shown // 2, shown] if shown % 2 == 0 and shown >= 2 * FEWEST else [shown]
+        return [points // 2 * 2**n for n in range(MOST_PASSES)]
+    coarser = points % (2 * (plan.scene.output.nx or 1)) == 0 and points >= 2 * FEWEST
+    return [points // 2, points] if coarser else [points]
 
 
 class RefinedRun:
@@ -183,7 +184,7 @@ class RefinedRun:
 
     def _values(self, frame: Frame) -> Values:
         shown = self.plan.output.nx
-        rho, u, theta = frame.fields[:, :: frame.fields.shape[1] // shown]
+        rho, u, theta = frame.fields[:, :: max(1, frame.fields.shape[1] // shown)] * np.ones(shown)
         return values((rho, u, theta, np.zeros(shown)), frame.totals, frame.budget)
 
     def snapshot(self) -> dict[str, Any] | None:

@@ -52,7 +52,7 @@ class SpectralRun:
         """The last step."""
         if self._given is not None:
             self.state = self.hierarchy.start((self._given - 1) // 2)
-        elif plan.output.nx == 1:
+        elif plan.scene.homogeneous:
             self.state = self.hierarchy.start(0)
         else:
             waves = 16

@@ -24,6 +24,7 @@ from kinetic_solver.machine import too_large
 from kinetic_solver.plan import choices, in_hermite, in_t, in_v, in_x, measured
 from kinetic_solver.plan.criterion import Criterion, strictest
 from kinetic_solver.plan.moving_frame import ReferenceFrame
+from kinetic_solver.plan.output import output_grids
 from kinetic_solver.plan.scales import Scales, scales_of
 from kinetic_solver.plan.waves import Waves
 from kinetic_solver.scene import (
@@ -36,8 +37,6 @@ from kinetic_solver.scene import (
     check_is_scene,
 )
 
-MOST_VELOCITIES = 20_000
-"""Of the output of a noiseless run. Chosen: more are asked for by mistake."""
 CHECKED_VELOCITIES, CHECKED_REACH = 240, 9.5
 """Points, and thermal velocities, on which a law of one's own is looked at before a run: Maxwellians end there to round-off."""
 MEMORY_TIME = 5.0
@@ -66,6 +65,8 @@ class Plan:
     """Of the first step: the run may change it."""
     output: PhaseSpaceGrid
     """Of the dataset, in the laboratory: fixed."""
+    whole: PhaseSpaceGrid
+    """The places of `output`, and velocities that hold all of f, whatever `output.velocity_window` shows of it."""
     velocity: VelocityScheme
     stepping: SteppingScheme
     drift_diffusion: DriftDiffusionScheme
@@ -195,6 +196,7 @@ def _make_plan(scene: Scene, known: Mapping[str, str], law: CollisionLaw | None,
     elif stepping == "strang":
         choices.warn_of_a_long_strang_step(scales, waves)
         choices.warn_of_an_unresolved_kernel(scales, grid, time_step, drift_diffusion)
+    output, whole = output_grids(replace(grid, nv=int(shown.value)), frame, scales.times, scene)
     plan = Plan(
         scene,
         here.start,
@@ -203,7 +205,8 @@ def _make_plan(scene: Scene, known: Mapping[str, str], law: CollisionLaw | None,
         scales,
         waves,
         grid,
-        _output_grid(replace(grid, nv=int(shown.value)), frame, scales.times, scene),
+        output,
+        whole,
         velocity,
         stepping,
         drift_diffusion,
@@ -245,22 +248,6 @@ def _velocities(scales: Scales, waves: Waves, velocity: VelocityScheme, schemes:
     coarsest = strictest(in_v.spacings(scales, waves, schemes))
     points = max(in_v.LEAST_POINTS, math.ceil(width / coarsest.value))
     return Criterion(points, f"dv = {coarsest.value:.3g} resolves {coarsest.reason}")
-
-
-def _output_grid(grid: PhaseSpaceGrid, frame: ReferenceFrame, times: Array, scene: Scene) -> PhaseSpaceGrid:
-    """Holds all that the solver's first window holds, at every frame, with its resolution."""
-    if not frame.moving:
-        return grid
-    places = [frame.place(float(clock)) for clock in times]
-    low = min(place.velocity + place.scale * grid.low for place in places)
-    high = max(place.velocity + place.scale * grid.high for place in places)
-    nv = math.ceil((high - low) / (grid.dv * min(place.scale for place in places)) - 1e-9)
-    if nv > MOST_VELOCITIES:
-        raise SceneError(
-            f"run.end_time = {scene.run.end_time:g}: without noise the velocity distribution becomes so narrow that the output "
-            f"would need {nv} velocities; allowed: {MOST_VELOCITIES}; end the run earlier"
-        )
-    return PhaseSpaceGrid(grid.nx, nv, grid.length, low, high)
 
 
 def _on_the_files_grid(scene: Scene) -> tuple[Scene, dict[str, str]]:

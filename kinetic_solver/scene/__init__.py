@@ -6,11 +6,13 @@ particles). Symbols and conventions: docs/theory.md; equation numbers are those 
 """
 
 from kinetic_solver.scene.initial import Beam, Initial, Mode, Modes, Pulse, fourier_sum
+from kinetic_solver.scene.messages import shorten
 from kinetic_solver.scene.scene import Groups, Scene, check_is_scene
 from kinetic_solver.scene.schedule import Schedule
 from kinetic_solver.scene.shipped import shipped
 from kinetic_solver.scene.tables import (
     FOLLOW_LEADER,
+    GROUPS,
     INELASTIC,
     Accuracy,
     Deposit,
@@ -21,12 +23,12 @@ from kinetic_solver.scene.tables import (
     Run,
     SteppingScheme,
     VelocityScheme,
-    shorten,
 )
-from kinetic_solver.scene.toml import one_line, parse_override
+from kinetic_solver.scene.toml import parse_override
 
 __all__ = [
     "FOLLOW_LEADER",
+    "GROUPS",
     "INELASTIC",
     "Accuracy",
     "Beam",
@@ -47,7 +49,6 @@ __all__ = [
     "VelocityScheme",
     "check_is_scene",
     "fourier_sum",
-    "one_line",
     "parse_override",
     "shipped",
     "shorten",

@@ -17,23 +17,29 @@ class Mode(Table):
     """cos·cos(2π mode x/L) + sin·sin(2π mode x/L)."""
 
     mode: ModeNumber
+    """Waves in the pipe."""
     cos: Real = 0.0
+    """Amplitude of the cosine; unit: that of what has the modes. [1 or length/time]"""
     sin: Real = 0.0
+    """Amplitude of the sine; unit: that of what has the modes. [1 or length/time]"""
 
 
 class Eigenmode(Mode):
     """A wave of the shape that a branch of the linearised equation has in v (docs/stability.md), of this relative density."""
 
     branch: Annotated[int, Field(strict=True, ge=0, le=20)] = 0
-    """0 decays most slowly, 1 next, …"""
+    """Which wave of this mode: 0 decays most slowly, 1 next, …"""
 
 
 class DensityStep(Table):
     """A density step: `ratio` times the outer density between the fractions `from` and `to` of L; the mean stays the scene's."""
 
     start: Fraction = Field(alias="from")
+    """Where the step begins, of L."""
     end: Fraction = Field(alias="to")
+    """Where it ends, of L."""
     ratio: NonNegative
+    """Density between over that outside."""
 
     @model_validator(mode="after")
     def _ordered(self) -> DensityStep:
@@ -68,11 +74,11 @@ class Pulse(Table):
     whole m, which makes it periodic; the mean stays the scene's."""
 
     at: Fraction
-    """Of L: where the Gaussian has its centre."""
+    """Where the Gaussian has its centre, of L."""
     width: Annotated[float, Field(strict=True, allow_inf_nan=False, ge=1e-3, le=1)]
-    """Its standard deviation, of L. Below a thousandth the places at which a start is looked at would miss it."""
+    """Its standard deviation, of L; below a thousandth the places at which a start is looked at would miss it."""
     height: Real
-    """Over the background; below 0 it is a dip."""
+    """Of the Gaussian over the background; below 0 it is a dip."""
 
     @property
     def whole(self) -> float:
@@ -95,17 +101,18 @@ class Beam(Table):
     """A part of the particles, with a Maxwellian of its own, the same at every x."""
 
     share: Positive
-    """Of all particles."""
+    """Of all particles; the shares add up to 1."""
     mean_velocity: Real
+    """Of the beam. [length/time]"""
     temperature: Positive
-    """A velocity variance."""
+    """Of the beam, a velocity variance. [length²/time²]"""
 
 
 class Initial(Table):
     """The state at time 0: a Maxwellian in v at every x, or several, or f (or particles) from a netCDF file."""
 
     density: Positive = 1.0
-    """Mean density ρ̄ [particles/length]."""
+    """Mean density ρ̄. [particles/length]"""
     modes: Modes = ()
     """Relative Fourier amplitudes of the density."""
     step: DensityStep | None = None
@@ -113,11 +120,11 @@ class Initial(Table):
     pulse: Pulse | None = None
     """A Gaussian instead of `modes`."""
     mean_velocity: Real | None = None
-    """u0; None means the homogeneous state's."""
+    """u0; by default the homogeneous state's. [length/time]"""
     temperature: Positive | None = None
-    """θ0, a velocity variance; None means the homogeneous state's."""
+    """θ0, a velocity variance; by default the homogeneous state's. [length²/time²]"""
     velocity_modes: Modes = ()
-    """Absolute Fourier amplitudes added to the mean velocity."""
+    """Absolute Fourier amplitudes added to the mean velocity. [length/time]"""
     temperature_modes: Modes = ()
     """Relative Fourier amplitudes of the temperature."""
     beams: tuple[Beam, ...] = ()
@@ -128,7 +135,7 @@ class Initial(Table):
     """A file to start from, instead of all the above (density still sets the scene's groups): f(x, v) or particles in netCDF,
     particles in CSV."""
     time: Real = 0.0
-    """What the clock says at the start: written times go on from here. For a run from another's last frame, its time."""
+    """What the clock says at the start: written times go on from here. For a run from another's last frame, its time. [time]"""
 
     @property
     def density_modes(self) -> Modes:

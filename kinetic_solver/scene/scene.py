@@ -16,6 +16,7 @@ from kinetic_solver.scene import toml
 from kinetic_solver.scene.cadence import multiples
 from kinetic_solver.scene.initial import Initial
 from kinetic_solver.scene.tables import (
+    GROUPS,
     INELASTIC,
     MOST_FRAMES,
     Accuracy,
@@ -69,10 +70,16 @@ class Scene(Table):
 
     @model_validator(mode="after")
     def _cadences_are_countable(self) -> Scene:
-        for group in Output.model_fields:
+        for group in GROUPS:
             cadence = getattr(self.output, group)
             if not isinstance(cadence, bool) and self.run.end_time / cadence > MOST_FRAMES:
                 raise ValueError(f"output.{group} = {cadence:g} makes more than {MOST_FRAMES} frames until end_time; raise it")
+        return self
+
+    @model_validator(mode="after")
+    def _one_place_shows_what_is_the_same_everywhere(self) -> Scene:
+        if self.output.nx == 1 and not self.homogeneous:
+            raise ValueError("output.nx = 1: one place does not show a scene that depends on x; allowed: 2 or more")
         return self
 
     @model_validator(mode="after")
@@ -91,6 +98,24 @@ class Scene(Table):
         A relative `initial.file` is relative to the scene's folder. Raises SceneError, with a message of one line.
         """
         return toml.validated(cls, toml.read(path, overrides), path)
+
+    def replace(self, **keys: Any) -> Scene:
+        """The scene with other values of these keys, as in replace(**{"collisions.cross_section": 3.0}).
+
+        A whole table is a key too, and None takes it, or the value of a key, away. Raises SceneError, which names the key, for
+        what a scene must not have.
+        """
+        data = toml.plain(self)
+        for dotted, value in keys.items():
+            toml.set_dotted(data, dotted, toml.plain(value))
+        return Scene.model_validate(data)
+
+    def to_toml(self) -> str:
+        """The scene as TOML, from which `from_toml` makes the same one: the keys that were given, without defaults.
+
+        A relative `initial.file` stays as it is: the text belongs into the folder to which it is relative.
+        """
+        return toml.written(toml.plain(self))
 
     @property
     def cross_section(self) -> float:

@@ -7,9 +7,11 @@ from __future__ import annotations
 
 import difflib
 import warnings
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Any, Literal, Self, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
+
+from kinetic_solver.scene.messages import LONGEST_SHOWN, in_one_line, shorten
 
 MOST_FRAMES = 1_000_000
 """Of any cadence: more are asked for by a slip of the pen."""
@@ -30,27 +32,36 @@ Real = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Positive = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0)]
 NonNegative = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0)]
 Count = Annotated[int, Field(strict=True, ge=1)]
+Velocities = Annotated[int, Field(strict=True, ge=8)]
+Window = tuple[Real, Real]
 ModeNumber = Annotated[int, Field(strict=True, ge=1, le=10_000)]
 Fraction = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0, le=1)]
-
-
-LONGEST_SHOWN = 60
-"""Characters of what was given that a message repeats."""
-
-
-def shorten(value: Any) -> str:
-    """repr, cut to the length of a message."""
-    try:
-        text = repr(value)
-    except RecursionError:
-        return "(tables or lists hundreds deep)"
-    return text if len(text) <= LONGEST_SHOWN else text[: LONGEST_SHOWN - 3] + "..."
 
 
 class Table(BaseModel):
     """Frozen; refuses keys that it does not know."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", populate_by_name=True)
+
+    def __init__(self, /, **keys: Any) -> None:
+        with in_one_line():
+            super().__init__(**keys)
+
+    # pydantic's core calls the __init__ of a table within a table where it is not marked as its own: the path to the key would
+    # be lost then.
+    __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
+
+    @classmethod
+    def model_validate(cls, obj: Any, **options: Any) -> Self:
+        """A table from a dictionary. Raises SceneError, one line with the key, what was given, and what is allowed."""
+        with in_one_line():
+            return super().model_validate(obj, **options)
+
+    @classmethod
+    def model_validate_json(cls, json_data: str | bytes | bytearray, **options: Any) -> Self:
+        """A table from JSON. Raises SceneError likewise."""
+        with in_one_line():
+            return super().model_validate_json(json_data, **options)
 
     @model_validator(mode="before")
     @classmethod
@@ -88,10 +99,14 @@ def _names(table: type[Table]) -> set[str]:
 
 def _hint(table: type[Table], key: str, known: set[str]) -> str:
     """The key that may have been meant: one of this name in a table below, or one with nearly this name."""
-    for name, field in table.model_fields.items():
-        for part in (field.annotation, *get_args(field.annotation)):
-            if isinstance(part, type) and issubclass(part, Table) and key in _names(part):
-                return f"did you mean '{name}.{key}'?"
+    below = [
+        f"'{name}.{key}'"
+        for name, field in table.model_fields.items()
+        for part in (field.annotation, *get_args(field.annotation))
+        if isinstance(part, type) and issubclass(part, Table) and key in _names(part)
+    ]
+    if below:
+        return f"did you mean {' or '.join(below)}?"
     near = difflib.get_close_matches(key, sorted(known), n=1, cutoff=0.5) if len(key) <= LONGEST_SHOWN else []
     return f"did you mean {near[0]!r}?" if near else "allowed: " + ", ".join(sorted(known))
 
@@ -100,19 +115,20 @@ class Model(Table):
     """Coefficients of the Langevin equation (1): dv = (g - γ v) dt + √(2σγ) dW."""
 
     gravity: Real = 0.0
-    """g, an acceleration [length/time²]; any sign."""
+    """g, the acceleration of every particle; any sign. [length/time²]"""
     friction: NonNegative = 1.0
-    """γ [1/time]."""
+    """γ, the rate at which friction slows a particle down. [1/time]"""
     noise: NonNegative = 1.0
-    """σ, a velocity variance [length²/time²]: the temperature that friction and noise alone sustain."""
+    """σ, a velocity variance: the temperature that friction and noise alone sustain. [length²/time²]"""
 
 
 class Collisions(Table):
     """A binary collision operator: (6) "follow-the-leader" or (12) "inelastic"."""
 
     operator: Operator
+    """What a collision does: (6), the follower takes the leader's velocity, or (12), both lose relative velocity."""
     cross_section: NonNegative
-    """S_C, dimensionless: the probability that an encounter is a collision (per particle that a simulated one stands for)."""
+    """S_C: the probability that an encounter is a collision (per particle that a simulated one stands for)."""
     restitution: Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0, le=1)] | None = None
     """ε of (11), from 0 (sticking) to 1 (elastic); required by, and only for, "inelastic"."""
 
@@ -126,8 +142,10 @@ class Collisions(Table):
 
 
 class Pipe(Table):
+    """Where the particles move: periodic."""
+
     length: Positive
-    """L, the period of the pipe [length]."""
+    """L, the period of the pipe. [length]"""
 
 
 UnitName = Annotated[str, Field(strict=True, pattern=r"^([A-Za-zµμΩ°]+|1)$", max_length=30)]
@@ -137,18 +155,20 @@ class Units(Table):
     """What the scene's units are called, as in UDUNITS: names for files alone, no number depends on them."""
 
     length: UnitName
-    """"m", say."""
+    """Name of the unit of length: "m", say."""
     time: UnitName
-    """"s", say."""
+    """Name of the unit of time: "s", say."""
     number: UnitName = "1"
-    """Of particles: "1" for plain numbers."""
+    """Name of the unit in which particles are counted: "1" for plain numbers."""
 
 
 class Run(Table):
+    """How long, and how often anything is written."""
+
     end_time: Positive
-    """Since the start, whatever `initial.time` is."""
+    """How long the run is, since its start, whatever `initial.time` is. [time]"""
     output_every: Positive | None = None
-    """Frames at 0, every output_every, and end_time; None means end_time."""
+    """Frames are at 0, every output_every, and end_time; by default at 0 and end_time alone. [time]"""
 
     @model_validator(mode="after")
     def _countable(self) -> Run:
@@ -162,24 +182,50 @@ class Run(Table):
 Cadence = Annotated[bool, Field(strict=True)] | Positive
 
 
+def _wrong_window(window: tuple[float, float] | None) -> str | None:
+    """What is wrong with it, if anything."""
+    if window is None or window[0] < window[1]:
+        return None
+    return f"velocity_window = [{window[0]}, {window[1]}] is reversed or empty; the first number must be the smaller one"
+
+
+GROUPS = ("f", "moments", "scalars", "budgets", "moment_equations", "particles")
+"""Of what is written: the keys of [output] that are cadences."""
+
+
 class Output(Table):
-    """What is written, and how often: false (never), true (every `run.output_every`), or a time interval of its own."""
+    """What is written, and how often: false (never), true (every `run.output_every`), or a time interval of its own. And where
+    fields are given."""
 
     f: Cadence = True
-    """f(x, v)."""
+    """The distribution function f(x, v). [time]"""
     moments: Cadence = True
-    """Density, mean velocity, temperature and heat flux over x, and the velocity distribution w(v)."""
+    """Density, mean velocity, temperature and heat flux over x, and the velocity distribution w(v). [time]"""
     scalars: Cadence = True
-    """Mass, momentum and energy; minimum of f; what touches the window's edges; resolution."""
+    """Mass, momentum and energy; minimum of f; what touches the window's edges; resolution. [time]"""
     budgets: Cadence = True
-    """Rates of momentum and energy by term, what each term has brought since time 0, and the residual."""
+    """Rates of momentum and energy by term, what each term has brought since time 0, and the residual. [time]"""
     moment_equations: Cadence = False
-    """Every term of the moment equations (3)-(5), with the heat-flux terms that the paper neglects."""
+    """Every term of the moment equations (3)-(5), with the heat-flux terms that the paper neglects. [time]"""
     particles: Cadence = False
-    """Position and velocity of every particle; particles alone have them."""
+    """Position and velocity of every particle; particles alone have them. [time]"""
+    nx: Count | None = None
+    """Points in x at which fields are given, whatever the solver uses; by default what it uses, and 64 or more."""
+    nv: Annotated[int, Field(strict=True, ge=2)] | None = None
+    """Points in v, likewise."""
+    velocity_window: Window | None = None
+    """The least and the largest velocity for which f and w(v) are given; by default what holds them. [length/time]"""
+
+    @model_validator(mode="after")
+    def _window(self) -> Output:
+        if (wrong := _wrong_window(self.velocity_window)) is not None:
+            raise ValueError(wrong)
+        return self
 
 
 class Accuracy(Table):
+    """How close to the equation's solution the answer is to be."""
+
     rtol: Annotated[float, Field(strict=True, allow_inf_nan=False)] = 1e-4
     """Wanted: max|Δf| ≤ rtol·max|f|. Chooses what [grid] leaves open."""
 
@@ -197,17 +243,23 @@ class Grid(Table):
     """
 
     nx: Count | None = None
-    nv: Annotated[int, Field(strict=True, ge=8)] | None = None
-    velocity_window: tuple[Real, Real] | None = None
+    """Points in x; by default chosen."""
+    nv: Velocities | None = None
+    """Points in v, or Hermite functions; by default chosen."""
+    velocity_window: Window | None = None
+    """The least and the largest velocity; by default chosen. [length/time]"""
     time_step: Positive | None = None
+    """The longest step; by default chosen. [time]"""
     velocity: VelocityScheme | None = None
-    """How f depends on v: at points (the default; robust), or as nv Hermite functions about the homogeneous state."""
+    """How f is held in v: at points (the default; robust), or as nv Hermite functions about the homogeneous state."""
     stepping: SteppingScheme | None = None
-    """In time: exact (no collisions, and operator (6)); high order with error control; or Strang's method, order 2."""
+    """How steps in time are made, by default chosen: exact (no collisions, and operator (6)); high order with error control; or
+    Strang's method, order 2."""
     drift_diffusion: DriftDiffusionScheme | None = None
-    """Between velocity points: the exact Ornstein-Uhlenbeck kernel, or finite volumes of order 8 or 2 (positive)."""
+    """What friction and noise do between velocity points, by default chosen: the exact Ornstein-Uhlenbeck kernel, or finite
+    volumes of order 8 or 2 (positive)."""
     deposit: Deposit | None = None
-    """How operator (12) places collision products between grid points; only "linear" is positive."""
+    """How operator (12) places collision products between grid points, by default chosen; only "linear" is positive."""
 
     @field_validator("velocity", mode="before")
     @classmethod
@@ -219,9 +271,8 @@ class Grid(Table):
 
     @model_validator(mode="after")
     def _window(self) -> Grid:
-        if self.velocity_window is not None and not self.velocity_window[0] < self.velocity_window[1]:
-            low, high = self.velocity_window
-            raise ValueError(f"velocity_window = [{low}, {high}] is reversed or empty; the first number must be the smaller one")
+        if (wrong := _wrong_window(self.velocity_window)) is not None:
+            raise ValueError(wrong)
         return self
 
 
@@ -229,7 +280,7 @@ class Hydrodynamics(Table):
     """The hydrodynamic method."""
 
     moments: Annotated[int, Field(strict=True, ge=3, le=1000)] | None = None
-    """Of the Hermite hierarchy, whose steps are matrices of this size; None for the closure (3)-(5) of the paper."""
+    """M of the Hermite hierarchy, whose steps are matrices of this size; by default the closure (3)-(5) of the paper instead."""
 
 
 class Particles(Table):
@@ -238,7 +289,12 @@ class Particles(Table):
     count: Count = 100_000
     """Simulated particles per replica; each stands for density·length/count real ones."""
     cells: Count | None = None
+    """In which collision partners are drawn; by default a quarter of the mean free path long."""
     time_step: Positive | None = None
+    """By default a tenth of the shortest time in the scene. [time]"""
     seed: Annotated[int, Field(strict=True, ge=0, lt=2**63)] = 1
+    """Of the random numbers."""
     replicas: Count = 1
+    """Independent ensembles: two or more give standard errors."""
     collisions: Literal["dsmc", "single-file"] = "dsmc"
+    """Who collides: drawn in cells (direct simulation), or whoever overtakes."""

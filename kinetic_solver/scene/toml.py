@@ -1,15 +1,16 @@
-"""Scenes from TOML, keys set one by one, and pydantic's errors in one line."""
+"""Scenes from TOML and back, and keys set one by one."""
 
 from __future__ import annotations
 
+import json
 import tomllib
 from pathlib import Path
 from typing import Any, TypeVar
 
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel
 
 from kinetic_solver.errors import SceneError
-from kinetic_solver.scene.tables import LONGEST_SHOWN, shorten
+from kinetic_solver.scene.messages import shorten
 
 LONGEST_REASON = 200
 """Characters of what the parser says."""
@@ -28,7 +29,7 @@ def read(path: str | Path, overrides: dict[str, Any] | None = None) -> dict[str,
     except (ValueError, RecursionError) as error:  # tomllib's own error is a ValueError, and not the only one
         raise SceneError(f"{path}: not valid TOML: {_reason(error)}") from None
     for dotted, value in (overrides or {}).items():
-        _set_dotted(data, dotted, value)
+        set_dotted(data, dotted, value)
     start = data.get("initial", {}).get("file") if isinstance(data.get("initial"), dict) else None
     if isinstance(start, str):
         data["initial"]["file"] = str(path.parent / start)
@@ -39,11 +40,12 @@ def validated(model: type[Validated], data: dict[str, Any], source: str | Path) 
     """The model of these tables. Raises SceneError, one line that begins with the source."""
     try:
         return model.model_validate(data)
-    except ValidationError as error:
-        raise SceneError(f"{source}: {one_line(error)}") from None
+    except SceneError as error:
+        raise SceneError(f"{source}: {error}") from None
 
 
-def _set_dotted(data: dict[str, Any], dotted: str, value: Any) -> None:
+def set_dotted(data: dict[str, Any], dotted: str, value: Any) -> None:
+    """data["a"]["b"] = value for "a.b". Raises SceneError where "a" is no table."""
     *parents, last = dotted.split(".")
     table = data
     for name in parents:
@@ -51,6 +53,33 @@ def _set_dotted(data: dict[str, Any], dotted: str, value: Any) -> None:
         if not isinstance(table, dict):
             raise SceneError(f"{shorten(dotted)}: {shorten(name)} is not a table")
     table[last] = value
+
+
+def plain(value: Any) -> Any:
+    """A value as TOML knows it: NumPy's numbers and arrays as Python's, a table as a dictionary."""
+    if isinstance(value, BaseModel):
+        return value.model_dump(by_alias=True, exclude_unset=True, exclude_none=True)
+    return value.tolist() if hasattr(value, "tolist") else value
+
+
+def written(data: dict[str, Any]) -> str:
+    """Tables as TOML: keys of their own, each value on one line."""
+    parts = []
+    for name, table in data.items():
+        lines = [f"{key} = {_value(value)}" for key, value in table.items()]
+        parts.append("\n".join([f"[{name}]", *lines]))
+    return "\n\n".join(parts) + "\n"
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{key} = {_value(part)}" for key, part in value.items()) + " }"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(map(_value, value)) + "]"
+    if isinstance(value, str):
+        # JSON's escapes are TOML's too, but for this one character that JSON leaves as it is.
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    return str(value).lower() if isinstance(value, bool) else repr(value)
 
 
 def parse_override(text: str) -> tuple[str, Any]:
@@ -76,33 +105,3 @@ def _reason(error: Exception) -> str:
         return "tables or lists hundreds deep"
     text = " ".join(str(error).split())
     return text if len(text) <= LONGEST_REASON else text[: LONGEST_REASON - 3] + "..."
-
-
-def one_line(error: ValidationError) -> str:
-    """A pydantic error as one line: the key, what was given, what is allowed (the first problem, and how many more)."""
-    problems = error.errors()
-    first = problems[0]
-    where = ".".join(_part(str(part)) for part in first["loc"] if not _is_union_branch(str(part)))
-    message = first["msg"].removeprefix("Value error, ")
-    message = message[0].lower() + message[1:].replace("tuple", "pair of numbers")
-    if first["type"] == "missing":
-        text = f"{where}: is missing"
-    elif first["type"] == "value_error":
-        text = f"{where}: {message}" if where else message
-    else:
-        text = f"{where} = {shorten(first['input'])}: {message}"
-    if "\n" in text:
-        text = " ".join(text.split())
-    if first["loc"][:1] == ("output",) and first["type"] != "value_error":
-        message = "input should be false, true, or a time interval greater than 0"
-        text = f"{where} = {shorten(first['input'])}: {message}"
-    others = len({tuple(map(str, p["loc"][:2])) for p in problems}) - 1
-    return text + (f" (and {others} more)" if others > 0 else "")
-
-
-def _part(name: str) -> str:
-    return name if len(name) <= LONGEST_SHOWN else name[: LONGEST_SHOWN - 3] + "..."
-
-
-def _is_union_branch(part: str) -> bool:
-    return part.startswith(("constrained-", "function-", "bool", "float", "tuple["))

@@ -95,7 +95,8 @@ class March:
             self._settle_the_start()
             plan = self.scheme.plan
             # The start is known on the output's grid. A step in the density is shown as it is, not as the solver can carry it.
-            known = plan.grid != plan.output or plan.reference_frame.moving or plan.scene.initial.step is not None
+            others = dataclasses.replace(plan.whole, nx=plan.grid.nx) != plan.grid
+            known = others or plan.reference_frame.moving or plan.scene.initial.step is not None
             self._write(0, plan.start.distribution(plan.output.x, plan.output.v) if known else None)
         for frame, (start, end) in enumerate(itertools.pairwise(self.scheme.plan.times.tolist()), 1):
             if frame > self.frame:

@@ -70,7 +70,11 @@ class ToOutput:
     def __call__(self, f: Array, place: Place) -> Array:
         if self.source == self.target and place.velocity == place.position == 0 and place.scale == 1:
             return f
-        f = self.along_x(f, place)
+        return self._along_v(self.along_x(f, place), place)
+
+    def _along_v(self, f: Array, place: Place) -> Array:
+        if dataclasses.replace(self.source, nx=self.target.nx) == self.target and place.velocity == 0 and place.scale == 1:
+            return f
         w = (self.target.v - place.velocity) / place.scale
         inside = (w > self.source.low) & (w < self.source.high)
         result = np.zeros((f.shape[0], w.size))
@@ -78,8 +82,13 @@ class ToOutput:
         return result
 
     def along_x(self, field: Array, place: Place) -> Array:
-        """f, or a field over x, moved and interpolated in x."""
-        return resize(field, self.target.nx, shift=np.mod(place.position / self.source.length, 1.0))
+        """f, or a field over x, moved and evaluated at the places of the output: all of its waves, however few these are."""
+        times = -(-self.source.nx // self.target.nx)
+        return resize(field, times * self.target.nx, shift=np.mod(place.position / self.source.length, 1.0))[::times]
+
+    def over_x(self, f: Array, place: Place) -> Array:
+        """∫f dx at the velocities of the output."""
+        return self._along_v(f.sum(axis=0, keepdims=True) * self.source.dx, place)[0]
 
 
 def _interpolation(grid: PhaseSpaceGrid, v: Array) -> Array:

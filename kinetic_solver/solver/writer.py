@@ -14,14 +14,14 @@ from kinetic_solver.plan import Plan
 from kinetic_solver.plan.moving_frame import Place
 from kinetic_solver.solver.budgets import Ledger
 from kinetic_solver.solver.observation import Observation
-from kinetic_solver.solver.regrid import ToOutput
+from kinetic_solver.solver.regrid import ToOutput, resize
 
 
 class Writer:
     """Hands frames to a recorder."""
 
     def __init__(self, plan: Plan, recorder: Recorder, ledger: Ledger | None) -> None:
-        self.schedule, self.output = plan.schedule, plan.output
+        self.schedule, self.output, self.whole, self.start = plan.schedule, plan.output, plan.whole, plan.start
         self.recorder, self.ledger = recorder, ledger
         self.least = plan.scene.accuracy.rtol
         """Of the largest density: where it is less, mean velocity, temperature and heat flux are missing values."""
@@ -41,26 +41,24 @@ class Writer:
         if "moments" in due:
             assert in_lab is not None
             values["moments"] = self._moments(seen, place, convert, shown)
-            values["moments"]["velocity_distribution"] = in_lab.sum(axis=0) * self.output.dx
+            # Few places show the values of f there, from which its integral over x does not follow.
+            known = shown is not None and self.output.nx >= seen.grid.nx
+            w = shown.sum(axis=0) * self.output.dx if known and shown is not None else convert.over_x(seen.f, place)
+            values["moments"]["velocity_distribution"] = w
         if "scalars" in due:
             mass, momentum, energy = place.totals(seen.totals)
             values["scalars"] = {"mass": mass, "momentum": momentum, "energy": energy, **diagnostics}
         if "budgets" in due and self.ledger is not None:
             values["budgets"] = self.ledger.record()
         if "moment_equations" in due:
-            operator = seen.scheme.operator
-            rate = operator.rate(seen.f) if operator is not None else None
-            terms = moment_equations(seen.grid, seen.plan.inner.model, seen.f, rate)
-            given = self._given(moments(seen.grid, seen.f))
-            values["moment_equations"] = {
-                name: term if name.startswith("density") else given * term for name, term in terms.items()
-            }
+            values["moment_equations"] = self._moment_equations(seen)
         self.recorder.record(float(self.schedule.times[frame]), values)
 
     def _moments(self, seen: Observation, place: Place, convert: ToOutput, shown: Array | None) -> dict[str, Any]:
         """Over the velocities that the solver holds, w = (v - U)/λ; of what is shown over those of the output."""
         if shown is not None:
-            m, velocity, scale = moments(self.output, shown), 0.0, 1.0
+            all_of_it = shown if self.whole == self.output else self.start.distribution(self.whole.x, self.whole.v)
+            m, velocity, scale = moments(self.whole, all_of_it), 0.0, 1.0
         else:
             m = moments(dataclasses.replace(seen.grid, nx=self.output.nx), convert.along_x(seen.f, place))
             velocity, scale = place.velocity, place.scale
@@ -74,6 +72,16 @@ class Writer:
             "temperature": given * scale**2 * m.temperature,
             "heat_flux": given * scale**3 * m.heat_flux,
         }
+
+    def _moment_equations(self, seen: Observation) -> dict[str, Array]:
+        """In a frame at rest, which they ask for. Products of f's waves are waves that its own grid may not hold: they are made
+        on one that has the output's places, and no fewer than the solver's."""
+        times = -(-seen.grid.nx // self.output.nx)
+        grid = dataclasses.replace(seen.grid, nx=times * self.output.nx)
+        f, operator = resize(seen.f, grid.nx), seen.scheme.operator
+        terms = moment_equations(grid, seen.plan.inner.model, f, operator.rate(f) if operator is not None else None)
+        given = self._given(moments(grid, f))
+        return {name: (term if name.startswith("density") else given * term)[::times] for name, term in terms.items()}
 
     def _given(self, m: Moments) -> Array:
         """1 where there is a mean velocity and a temperature, else NaN."""

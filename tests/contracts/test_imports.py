@@ -18,7 +18,7 @@ import pytest
 ROOT = Path(__file__).parents[2]
 PACKAGES = ("kinetic_solver", "particles")
 
-BASE = {"arrays", "errors", "machine", "threads"}
+BASE = {"arrays", "errors", "machine", "threads", "when_xarray_comes"}
 LAWS = BASE | {"laws"}
 SCENE = LAWS | {"scene"}
 SHARED = SCENE | {"theory", "grid", "stability", "dataset", "initial"}
@@ -43,7 +43,8 @@ ALLOWED: dict[str, set[str]] = {
     "compare": SHARED | {"exact", "particles"},
     "analysis": ALL,
     "methods": SHARED | {"exact", "hydrodynamics", "particles", "plan", "solver"},
-    "cli": ALL | {"analysis", "methods"},
+    "sweeps": ALL | {"analysis", "methods"},
+    "cli": ALL | {"analysis", "methods", "sweeps"},
 }
 """Folder (or module) → what it may import, beside itself. `particles` is the package beside kinetic_solver."""
 OF_THE_GRID_SOLVER = {"operators", "stepping", "plan", "solver"}

@@ -66,9 +66,9 @@ def test_a_callable_against_the_closed_form(make_scene: MakeScene, cross_section
     assert float(run["error_estimate"].max()) < 3 * rtol
     assert run["mass"].values == pytest.approx(0.8 * 9.0, rel=rtol)
     assert np.ptp(run["mass"].values) < 1e-12
-    own = make_plan(scene).grid
-    assert run.sizes["x"] == own.nx
-    assert 0.8 * own.nv < run.sizes["v"] < 1.2 * own.nv
+    own, found = make_plan(scene).grid, make_plan(bare(scene), given=function_of(scene)).grid
+    assert found.nx == own.nx
+    assert 0.8 * own.nv < found.nv < 1.2 * own.nv
 
 
 @pytest.mark.parametrize(

@@ -44,7 +44,7 @@ ENOUGH = 2**26
 
 def written(scene: Scene, path: Path) -> None:
     plan = make_plan(scene)
-    recorder = NetCDFRecorder(path, plan.grid, scene, Schedule.of(scene, VARIABLES))
+    recorder = NetCDFRecorder(path, plan.output, scene, Schedule.of(scene, VARIABLES))
     integrate(plan, recorder)
     recorder.close()
 

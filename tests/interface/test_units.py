@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from pydantic import ValidationError
 
 from kinetic_solver import Scene, run_to_file, solve
 from kinetic_solver.dataset import open_run
 from kinetic_solver.dataset.units import unit_in
+from kinetic_solver.errors import SceneError
 
 MakeScene = Callable[..., Scene]
 METRES = {"length": "cm", "time": "min"}
@@ -76,5 +76,5 @@ def test_in_memory_as_in_files(make_scene: MakeScene) -> None:
     ],
 )
 def test_what_are_no_names(make_scene: MakeScene, units: dict[str, Any], key: str) -> None:
-    with pytest.raises(ValidationError, match=key):
+    with pytest.raises(SceneError, match=key):
         make_scene(units=units)

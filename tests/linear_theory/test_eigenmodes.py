@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 import xarray as xr
-from pydantic import ValidationError
 
 from kinetic_solver import Scene, SceneError, exact, solve
 from kinetic_solver.analysis.certification import certify
@@ -213,7 +212,7 @@ def test_gravity_only_moves_the_frame(gravity: float) -> None:
     ],
 )
 def test_scenes_that_are_refused(initial: dict[str, Any], model: dict[str, Any], message: str) -> None:
-    with pytest.raises(ValidationError, match=message):
+    with pytest.raises(SceneError, match=message):
         make("follow-the-leader", 1.0, 1, initial=initial, model=model)
 
 

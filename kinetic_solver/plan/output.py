@@ -1,0 +1,52 @@
+"""Where fields are given, whatever grid the solver uses."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from kinetic_solver.arrays import Array
+from kinetic_solver.errors import SceneError
+from kinetic_solver.grid import PhaseSpaceGrid
+from kinetic_solver.machine import too_large
+from kinetic_solver.plan.moving_frame import ReferenceFrame
+from kinetic_solver.scene import Scene
+
+MOST_VELOCITIES = 20_000
+"""Of the output of a noiseless run. Chosen: more are asked for by mistake."""
+LEAST_PLACES, LEAST_VELOCITIES = 65, 64
+"""At which fields are given where no key says how many; one place where nothing depends on x. Chosen: a wave, and a Maxwellian,
+look smooth on them, and an odd number of places holds whole waves, for whoever starts from them."""
+OUTPUT_ARRAYS = 4
+"""Arrays of the output's size alive at once: f interpolated in x, in v, and as it is written. Counted, generously."""
+
+
+def output_grids(
+    grid: PhaseSpaceGrid, frame: ReferenceFrame, times: Array, scene: Scene
+) -> tuple[PhaseSpaceGrid, PhaseSpaceGrid]:
+    """`Plan.output` and `Plan.whole`: what [output] says, else what [grid] says, else the solver's and enough to be looked at."""
+    whole, given = _holding_all(grid, frame, times, scene), scene.output
+    nx = given.nx or (grid.nx if scene.grid.nx or grid.nx == 1 else max(LEAST_PLACES, grid.nx))
+    whole = replace(whole, nx=nx)
+    low, high = given.velocity_window or (whole.low, whole.high)
+    nv = whole.nv if scene.grid.nv else max(LEAST_VELOCITIES, math.ceil((high - low) / whole.dv - 1e-9))
+    output = replace(whole, nv=given.nv or nv, low=low, high=high)
+    if (why := too_large(8 * OUTPUT_ARRAYS * output.nx * output.nv)) is not None:
+        raise SceneError(f"output: nx = {output.nx}, nv = {output.nv} {why}; reduce output.nx or output.nv")
+    return output, whole
+
+
+def _holding_all(grid: PhaseSpaceGrid, frame: ReferenceFrame, times: Array, scene: Scene) -> PhaseSpaceGrid:
+    """Holds all that the solver's first window holds, at every frame, with its resolution."""
+    if not frame.moving:
+        return grid
+    places = [frame.place(float(clock)) for clock in times]
+    low = min(place.velocity + place.scale * grid.low for place in places)
+    high = max(place.velocity + place.scale * grid.high for place in places)
+    nv = math.ceil((high - low) / (grid.dv * min(place.scale for place in places)) - 1e-9)
+    if nv > MOST_VELOCITIES:
+        raise SceneError(
+            f"run.end_time = {scene.run.end_time:g}: without noise the velocity distribution becomes so narrow that the output "
+            f"would need {nv} velocities; allowed: {MOST_VELOCITIES}; end the run earlier"
+        )
+    return PhaseSpaceGrid(grid.nx, nv, grid.length, low, high)
