@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import functools
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any, ParamSpec, TypeVar
 
 SECONDS_OF_A_THREAD = 2e-3
@@ -45,6 +46,19 @@ def _controller(with_scipy: bool) -> Any:
     from threadpoolctl import ThreadpoolController
 
     return ThreadpoolController()
+
+
+@contextmanager
+def one_thread_of_loops() -> Iterator[None]:
+    """A context in which loops, here and in what is called, take one thread: for one of many runs at a time."""
+    import numba
+
+    before = numba.get_num_threads()
+    numba.set_num_threads(1)
+    try:
+        yield
+    finally:
+        numba.set_num_threads(before)
 
 
 def over_rows(work: Callable[[slice], None], rows: int, seconds: float) -> None:

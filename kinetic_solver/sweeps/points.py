@@ -13,7 +13,7 @@ from typing import Any
 from kinetic_solver.errors import OutputFailed, RunUnfinished, SceneError
 from kinetic_solver.methods import METHODS, run_to_file
 from kinetic_solver.scene import Scene
-from kinetic_solver.threads import numba_threads, one_blas_thread
+from kinetic_solver.threads import one_blas_thread, one_thread_of_loops
 
 SEED = "particles.seed"
 
@@ -94,7 +94,7 @@ def run_point(point: Point) -> None:
     running = point.folder / f"{point.name}.running.nc"
     failed = ""
     try:
-        with one_blas_thread(), numba_threads(1):
+        with one_blas_thread(), one_thread_of_loops():
             run_to_file(Scene.model_validate_json(point.scene), running, point.method, resume=True)
     except (OutputFailed, OSError, RunUnfinished):
         raise
