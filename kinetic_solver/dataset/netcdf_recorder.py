@@ -160,8 +160,11 @@ class NetCDFRecorder:
             groups = [values for group, values in frame.items() if self._dimensions[group] == dimension]
             taken = {name: np.array(value, dtype=float) for values in groups for name, value in values.items()}
             self._waiting[dimension].append((self._scene.initial.time + time, taken))
-            self._size += sum(value.nbytes for value in taken.values())
-        self.settle()
+            self._size += 8 + sum(value.nbytes for value in taken.values())
+        if self._named:
+            self.settle()
+        else:
+            self._attempt(self._write)  # though nothing may be wanted of it
 
     def settle(self) -> None:
         """Writes what waits, if it is time to. Raises OutputFailed."""
