@@ -126,6 +126,8 @@ def _run(plan: Plan) -> list[Row]:
         row("velocity window", f"[{g.low:.5g}, {g.high:.5g}]", "velocity_window"),
         ("velocities", _VELOCITIES[plan.velocity if plan.velocity == "hermite" else plan.drift_diffusion]),
     ]
+    if (plan.output.nx, plan.output.nv) != (g.nx, g.nv):
+        rows.append(("fields given at", f"{plan.output.nx} places and {plan.output.nv} velocities   output.nx, output.nv"))
     if plan.deposit is not None and plan.velocity != "hermite":
         rows.append(row("deposit", plan.deposit, "deposit"))
     frames = len(plan.times)
