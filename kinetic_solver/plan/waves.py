@@ -15,12 +15,13 @@ from kinetic_solver.arrays import Array
 from kinetic_solver.errors import SceneError
 from kinetic_solver.operators.fourier import relative_amplitudes
 from kinetic_solver.plan.measured import LEAST_RTOL_OF_A_STEP
+from kinetic_solver.plan.mixing import mixing
 from kinetic_solver.plan.scales import Scales
-from kinetic_solver.scene import Model
 from kinetic_solver.theory.ornstein_uhlenbeck import transition
 
 DROPPED = 10.0
-"""Waves of a relative amplitude below rtol over this are left out. Chosen: ten such waves in step make rtol."""
+"""Waves of a relative amplitude below rtol over this are left out. Chosen: what is left out, all waves together, is that much
+below rtol."""
 MOST_MODES = 20_000
 """More are asked for by mistake, not by need."""
 MOST_OF_A_STEP = {"none": 20_000, "global": 17_000, "products": 2_500}
@@ -284,29 +285,3 @@ def _up(value: float) -> str:
 def _first_below(left_out: Array, allowed: float) -> int:
     """How many modes leave out no more than that; all of them where none do."""
     return min(int(np.searchsorted(-left_out, -allowed)) + 1, left_out.size)
-
-
-def mixing(model: Model, k: Array, digits: Array, theta: float, left: float, first: float | None = None) -> float:
-    """The largest v-wavenumber at which free motion still leaves more than the dropped amplitude of waves k in x, within a time.
-
-    A gas of temperature θ has waves of amplitude e^digits times the dropped one. f's joint characteristic function is Gaussian:
-    at x-wavenumber k it has its peak at q = -kC/V with amplitude exp(-k²(D - C²/V)/2) and width V^(-1/2), where V, C, D are the
-    variances and the covariance of velocity and displacement. `first` is the earliest time that is looked at.
-    """
-    worst = 0.0
-    times = np.linspace(0, left, 65)[1:]
-    if first is not None and first < times[0]:
-        times = np.concatenate([np.geomspace(first, times[0], 33), times])
-    for t in times:
-        step = transition(model, float(t))
-        e, b = step.decay, step.drift_time
-        variance = theta * e * e + step.velocity_variance
-        if variance == 0:
-            continue
-        covariance = theta * b * e + step.covariance
-        rest = theta * b * b + step.displacement_variance - covariance**2 / variance
-        room = 2 * (digits - k**2 * rest / 2)
-        alive = room > 0
-        q = k[alive] * covariance / variance + np.sqrt(room[alive] / variance)
-        worst = max(worst, float(q.max(initial=0.0)))
-    return worst

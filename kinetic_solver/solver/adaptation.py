@@ -16,7 +16,7 @@ from kinetic_solver.errors import SceneError
 from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.operators.moments import moments
 from kinetic_solver.plan import Plan, check_memory, in_t, in_v, in_x
-from kinetic_solver.plan.waves import mixing
+from kinetic_solver.plan.mixing import mixing
 from kinetic_solver.solver.estimate import enough_velocities, shortest_of
 from kinetic_solver.solver.monitor import SHARE, Problem, Quantity, amplified, amplified_waves, folds, free
 from kinetic_solver.solver.observation import Observation

@@ -72,7 +72,8 @@ def test_so_can_the_files_of_theory_and_comparisons(command: Any, tmp_path: Path
         ("stability", "scene.toml", "-o", "theory.nc"),
         ("compare", "scene.nc", "p.nc", "-o", "compared.nc"),
     ):
-        assert command(*arguments, folder=tmp_path).returncode == 0, arguments
+        code = command(*arguments, folder=tmp_path).returncode
+        assert code == (5 if arguments[0] == "compare" else 0), arguments  # so few particles can judge nothing
     for name in ("scene.nc", "p.nc", "theory.nc", "compared.nc"):
         as_classic(tmp_path / name, tmp_path / f"classic_{name}")
 
