@@ -27,7 +27,7 @@ SCENE: dict[str, Any] = {
     "collisions": {"operator": "inelastic", "cross_section": 0.9, "restitution": 0.6},
     "pipe": {"length": 9.0},
     "initial": {"density": 0.8, "modes": [{"mode": 1, "cos": 0.3}]},
-    "run": {"end_time": 0.3},
+    "run": {"end_time": 3.0},
     "accuracy": {"rtol": 1e-2},
     "output": {"nx": 9, "nv": 24, "velocity_window": [-3.0, 6.0]},
 }
