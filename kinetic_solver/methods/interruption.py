@@ -29,6 +29,10 @@ class Interruption:
     """True while a run looks here: from its first step to its last."""
 
 
+PATIENCE = 5.0
+"""Seconds that a stop waits for a state that is fit to be kept: schedulers kill half a minute after they have asked. Chosen."""
+
+
 class Keeper:
     """Keeps the checkpoints of a run, and stops it where its time is over or somebody wants it."""
 
@@ -44,6 +48,8 @@ class Keeper:
         self._checkpoint, self._recorder = checkpoint, recorder
         self._max_walltime, self._interruption, self._began = max_walltime, interruption, began
         self._last, self._took = began, 0.0
+        self._refused: float | None = None
+        """Since when a stop has been asked for, while the run had no state to keep."""
 
     def look(self, time: float, state: Callable[[], Any | None]) -> None:
         """After a step to this time. `state` makes the tree that a checkpoint holds, or None where the next step is to be asked.
@@ -58,7 +64,16 @@ class Keeper:
         if not (stop or asked.keep or now - self._last >= SHARE * self._took):
             return
         found = state()
+        reason = f"after {self._max_walltime:g} s" if asked.stop is None and late else f"by {asked.stop}"
         if found is None:
+            self._refused = (self._refused or now) if stop else None
+            if self._refused is not None and now - self._refused >= PATIENCE:
+                self._recorder.sync()
+                raise RunUnfinished(
+                    f"stopped at t = {time:g} {reason}, looking for a grid that holds f; resumed, it goes on from the checkpoint "
+                    "before, or begins again",
+                    asked.stop,
+                )
             return
         self._recorder.sync()  # a checkpoint speaks of the frames before it
         self._checkpoint.save(time, found)
@@ -68,7 +83,6 @@ class Keeper:
             asked.keep = False
             asked.answer(f"checkpoint written at t = {time:g}")
         if stop:
-            reason = f"by {asked.stop}" if asked.stop is not None else f"after {self._max_walltime:g} s"
             raise RunUnfinished(f"stopped at t = {time:g} {reason}; resume it to go on", asked.stop)
 
     def look_before(self) -> None:

@@ -190,3 +190,30 @@ def test_a_state_that_fails_its_checks_is_not_kept(make_scene: MakeScene) -> Non
     integrate(plan, without)
     assert spoilt
     same(with_looks, without)
+
+
+def test_a_stop_does_not_wait_for_ever(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where no state is fit to be kept, as while a run looks for a grid that holds f, it stops all the same, after PATIENCE."""
+    from types import SimpleNamespace
+
+    from kinetic_solver.errors import RunUnfinished
+    from kinetic_solver.methods import interruption
+
+    clock = [100.0]
+    monkeypatch.setattr(interruption, "monotonic", lambda: clock[0])
+    done: list[str] = []
+    recorder = SimpleNamespace(settle=lambda: done.append("settled"), sync=lambda: done.append("synced"))
+    checkpoint = SimpleNamespace(save=lambda time, tree: done.append("saved"))
+    asked = SimpleNamespace(stop="SIGTERM", keep=False, heeded=False)
+    keeper = interruption.Keeper(checkpoint, recorder, None, asked, began=90.0)  # type: ignore[arg-type]
+    keeper.look(1.0, lambda: None)
+    clock[0] += 0.9 * interruption.PATIENCE
+    keeper.look(1.2, lambda: None)
+    assert "synced" not in done
+    clock[0] += 0.2 * interruption.PATIENCE
+    with pytest.raises(
+        RunUnfinished, match=r"stopped at t = 1\.3 by SIGTERM, looking for a grid that holds f"
+    ) as caught:
+        keeper.look(1.3, lambda: None)
+    assert (caught.value.by, done[-1]) == ("SIGTERM", "synced")
+    assert "saved" not in done
