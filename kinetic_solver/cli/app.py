@@ -88,7 +88,9 @@ def _interrupt(*_: Any) -> None:
     raise KeyboardInterrupt
 
 
-def show_warning(message: Warning | str, *_: Any) -> None:
+def show_warning(message: Warning | str, category: type[Warning], *_: Any) -> None:
+    if issubclass(category, DeprecationWarning):
+        return  # one package's word to the authors of another: nothing that who runs a command could mend
     print(f"warning: {message}", file=sys.stderr)
 
 
