@@ -211,9 +211,7 @@ def test_a_stop_does_not_wait_for_ever(monkeypatch: pytest.MonkeyPatch) -> None:
     keeper.look(1.2, lambda: None)
     assert "synced" not in done
     clock[0] += 0.2 * interruption.PATIENCE
-    with pytest.raises(
-        RunUnfinished, match=r"stopped at t = 1\.3 by SIGTERM, looking for a grid that holds f"
-    ) as caught:
+    with pytest.raises(RunUnfinished, match=r"stopped at t = 1\.3 by SIGTERM, looking for a grid that holds f") as caught:
         keeper.look(1.3, lambda: None)
     assert (caught.value.by, done[-1]) == ("SIGTERM", "synced")
     assert "saved" not in done
