@@ -196,6 +196,8 @@ class Tally:
         self.operator, self.scenes = operator, scenes
         self.worst, self.at, self.compiling, self.doubt = 0.0, "", 0.0, 0.0
         self.refused: dict[float, int] = {}
+        self.believed: list[float] = []
+        """The run's own estimate over the true error of f."""
 
     def failed(self) -> bool:
         return self.worst > 1 or max(self.refused.values(), default=0) * 20 > 2 * self.scenes
@@ -204,6 +206,9 @@ class Tally:
         refused = ", ".join(f"{n} at {rtol:.0e}" for rtol, n in self.refused.items()) or "none"
         text = f"{self.operator}: worst error/rtol {self.worst:.2g} ({self.at}); refused of {self.scenes}: {refused}; first runs "
         text += f"took {self.compiling:.0f} s longer"
+        if self.believed:
+            text += f"; estimate over error of f {min(self.believed):.2g} to {max(self.believed):.2g}, "
+            text += f"median {np.median(self.believed):.2g}"
         return text + (f"; two references differ by up to {self.doubt:.2g} rtol" if self.doubt else "")
 
 
@@ -226,12 +231,14 @@ def measure(seed: int, rtol: float, operator: str, tally: Tally) -> float:
         if seed < 3 and rtol > 1e-8:
             doubt = max(worst_frame(refined(subject, run, 1.25, 0.05, 10.0), truth, rtol).values())
             tally.doubt, note = max(tally.doubt, doubt), f"references differ by {doubt:.1g} rtol"
+    tally.believed.append(float(run["error_estimate"].max()) / (found["f"] * rtol))
     name, error = max(found.items(), key=lambda item: item[1])
     if not error <= tally.worst:
         tally.worst, tally.at = error, f"seed {seed}, rtol {rtol:.0e}"
     tally.compiling += compiling
     shown = f"**{error:.2g}**" if error > 1 else f"{error:.2g}"
-    print(f"{head} {run.sizes['x']} × {run.sizes['v']} | {shown} ({name}) | {seconds:.3g} | {note} |", flush=True)
+    first = run.attrs["grids"].split(": ")[1].split(" on ")[0]
+    print(f"{head} {first} | {shown} ({name}) | {seconds:.3g} | {note} |", flush=True)
     return seconds
 
 
