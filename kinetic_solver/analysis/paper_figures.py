@@ -212,10 +212,11 @@ def summary(dataset: xr.Dataset) -> list[str]:
 
 def save_snapshots(dataset: xr.Dataset, path: str | Path) -> None:
     """Density and w(v) at the three times. Raises SceneError where the file cannot be written."""
-    save(_figure(dataset), path)
+    save(draw_snapshots(dataset), path)
 
 
-def _figure(dataset: xr.Dataset) -> Figure:
+def draw_snapshots(dataset: xr.Dataset) -> Figure:
+    """The dataset of `snapshots` as a picture of two rows: the density over x, and w(v), at each of its times."""
     scene = scene_of(dataset)
     figure = Figure(figsize=(12, 6.6), layout="constrained")
     axes = figure.subplots(2, dataset.sizes["time"], sharey="row", sharex="row", squeeze=False)

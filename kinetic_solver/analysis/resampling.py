@@ -15,12 +15,12 @@ from typing import Any
 import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
-from scipy.interpolate import make_interp_spline
 
 from kinetic_solver.arrays import Array
 from kinetic_solver.dataset import schema
 from kinetic_solver.errors import SceneError
 from kinetic_solver.grid import PhaseSpaceGrid
+from kinetic_solver.interpolation import through_splines, through_waves
 
 RATIOS = ("mean_velocity", "temperature", "heat_flux")
 """Of the velocity moments, those that are no densities."""
@@ -83,7 +83,7 @@ def _check(ds: xr.Dataset, nx: int | None, nv: int | None, window: tuple[float, 
 
 def _along_x(ds: xr.Dataset, places: Array, grid: PhaseSpaceGrid | None) -> xr.Dataset:
     own, length = ds["x"].values, _length(ds)
-    waves = _spectral(own, places, length)
+    waves = through_waves(own, places, length)
     fields: dict[str, xr.DataArray] = {}
     for ending in ENDINGS:
         names = [name + ending for name in ("density", *RATIOS) if name + ending in ds]
@@ -159,25 +159,12 @@ def _over_v(own: Array, values: Array, v: Array, linear: bool) -> Array:
     return result
 
 
-def _spectral(own: Array, v: Array, period: float | None = None) -> Array:
-    """Matrix from values at uniform points to those at v, of the trigonometric interpolant, by default with the points' cells as
-    its period."""
-    n = own.size
-    period = n * (own[1] - own[0]) if period is None else period
-    waves = np.arange(n // 2 + 1)
-    weight = np.full(waves.size, 2.0 / n)
-    weight[0] = 1.0 / n
-    if n % 2 == 0:
-        weight[-1] = 1.0 / n
-    angle = 2 * np.pi / period * (v[:, None] - own[None, :])
-    return np.asarray(np.tensordot(weight, np.cos(waves[:, None, None] * angle), axes=1))
+def _waves(own: Array, v: Array) -> Array:
+    """With the points' cells as the period."""
+    return through_waves(own, v, float(own.size * (own[1] - own[0])))
 
 
-def _spline(own: Array, v: Array) -> Array:
-    return np.asarray(make_interp_spline(own, np.eye(own.size), k=5)(v))
-
-
-WAYS = (_spectral, _spline)
+WAYS = (_waves, through_splines)
 
 
 def _map(field: xr.DataArray, dimension: str, along: Any) -> xr.DataArray:

@@ -13,6 +13,7 @@ import numpy as np
 
 from kinetic_solver.arrays import Array
 from kinetic_solver.grid import PhaseSpaceGrid
+from kinetic_solver.interpolation import through_waves
 from kinetic_solver.plan.moving_frame import Place
 
 
@@ -78,7 +79,8 @@ class ToOutput:
         w = (self.target.v - place.velocity) / place.scale
         inside = (w > self.source.low) & (w < self.source.high)
         result = np.zeros((f.shape[0], w.size))
-        result[:, inside] = f @ _interpolation(self.source, w[inside]).T / place.scale
+        between = through_waves(self.source.v, w[inside], self.source.high - self.source.low)
+        result[:, inside] = f @ between.T / place.scale
         return result
 
     def along_x(self, field: Array, place: Place) -> Array:
@@ -89,16 +91,3 @@ class ToOutput:
     def over_x(self, f: Array, place: Place) -> Array:
         """∫f dx at the velocities of the output."""
         return self._along_v(f.sum(axis=0, keepdims=True) * self.source.dx, place)[0]
-
-
-def _interpolation(grid: PhaseSpaceGrid, v: Array) -> Array:
-    """Matrix from values at the grid's velocities to those at v: the trigonometric interpolant of period high - low."""
-    nv, period = grid.nv, grid.high - grid.low
-    waves = np.arange(nv // 2 + 1)
-    weight = np.full(waves.size, 2.0 / nv)
-    weight[0] = 1.0 / nv
-    if nv % 2 == 0:
-        weight[-1] = 1.0 / nv
-    angle = 2 * np.pi / period * waves
-    there, here = np.exp(1j * np.outer(v, angle)), np.exp(-1j * np.outer(angle, grid.v))
-    return np.asarray(((there * weight) @ here).real)

@@ -136,7 +136,7 @@ def test_the_inelastic_equation_has_the_moments_of_its_state() -> None:
 
 
 @BOTH
-def testtwo_populations(operator: str) -> None:
+def test_two_populations(operator: str) -> None:
     """Equal densities everywhere are one homogeneous state; two densities are two, each with its share of the particles."""
     scene = figure_scene(3, operator)
     v = np.linspace(-12, 6, 3001)
