@@ -38,8 +38,6 @@ BINS = 50
 """Bins of the density's histogram."""
 LEAST_COUNT = 2 * BINS
 """The fewest particles of which a histogram says anything: two to a bin."""
-FIT_STEPS = 500
-"""Iterations of the fit of two Gaussians."""
 PARTICLES, EQUATION, GAUSSIAN, TWO = "0.45", BLUE, "#000000", ORANGE
 """Colours."""
 
@@ -128,17 +126,31 @@ def gaussian(v: Array, mean: float, variance: float) -> Array:
 
 
 def fit_two(velocities: Array, variance: float) -> tuple[Array, Array]:
-    """(means (2,) ascending, shares (2,)) of two Gaussians of a given variance: maximum likelihood by expectation-maximisation.
+    """(means (2,) ascending, shares (2,)) of the two Gaussians of a given variance that make the velocities the likeliest.
 
-    Both means are the sample's where it is no wider than that variance.
+    Both means are the sample's where it is no wider than that variance. Test: test_two_fitted_populations, by the gradient.
     """
-    start = math.sqrt(max(float(velocities.var()) - variance, 0.0))
-    means, shares = velocities.mean() + np.array([-start, start]), np.array([0.5, 0.5])
-    for _ in range(FIT_STEPS):
-        likelihood = shares[:, None] * np.exp(-((velocities - means[:, None]) ** 2) / (2 * variance))
-        belongs = likelihood / likelihood.sum(axis=0)
-        weight = belongs.sum(axis=1)
-        means, shares = belongs @ velocities / weight, weight / velocities.size
+    from scipy.optimize import minimize
+    from scipy.special import expit
+
+    mean, width = velocities.mean(), math.sqrt(variance)
+    start = math.sqrt(max(float(velocities.var()) - variance, 0.0)) / width
+    if start == 0:
+        return np.array([mean, mean]), np.array([0.5, 0.5])
+    x = (velocities - mean) / width
+
+    def loss(parameters: Array) -> tuple[float, Array]:
+        """Minus the mean logarithm of the likelihood over that of one Gaussian, and its gradient."""
+        means, shares = parameters[:2], expit(np.array([-parameters[2], parameters[2]]))
+        logs = np.log(shares)[:, None] + means[:, None] * x - means[:, None] ** 2 / 2
+        whole = np.logaddexp(logs[0], logs[1])
+        belongs = np.exp(logs - whole)
+        weight = belongs.mean(axis=1)
+        by_mean = belongs @ x / x.size - weight * means
+        return -float(whole.mean()), -np.append(by_mean, weight[1] - shares[1])
+
+    best = minimize(loss, np.array([-start, start, 0.0]), jac=True, method="BFGS", options={"gtol": 1e-8}).x
+    means, shares = mean + width * best[:2], expit(np.array([-best[2], best[2]]))
     order = np.argsort(means)
     return means[order], shares[order]
 
@@ -226,7 +238,8 @@ def draw_snapshots(dataset: xr.Dataset) -> Figure:
         frame = dataset.sel(time=time)
         top.bar(frame["bin"], frame["density_histogram"], width, color=PARTICLES, label="particles")
         top.axhline(1, color=EQUATION, lw=1.8, label="equation (2)")
-        top.set_title(f"t = {time:g}/γ")
+        top.set_title(f"t = {time:g}/γ" if time else "t = 0")
+        top.set_xlim(0, scene.pipe.length)
         top.set_xlabel("x")
         bottom.bar(frame["v_bin"], frame["histogram"], dv, color=PARTICLES)
         bottom.plot(frame["v_bin"], frame["equation"], color=EQUATION, lw=1.8, label="equation (2)")

@@ -263,6 +263,13 @@ def test_two_fitted_populations() -> None:
     means, shares = snapshots.fit_two(v, 0.25)
     assert means == pytest.approx([-2, 1], abs=4 * 0.5 / math.sqrt(3000))
     assert shares == pytest.approx([0.3, 0.7], abs=4 * math.sqrt(0.21 / 10_000))
+    near = np.concatenate([rng.normal(-0.3, 0.5, 4000), rng.normal(0.5, 0.5, 2000)])
+    for sample in (v, near):  # the likelihood is stationary: each mean and each share is that of the particles that belong to it
+        means, shares = snapshots.fit_two(sample, 0.25)
+        likelihood = shares[:, None] * np.exp(-((sample - means[:, None]) ** 2) / 0.5)
+        belongs = likelihood / likelihood.sum(axis=0)
+        assert belongs @ sample / belongs.sum(axis=1) == pytest.approx(means, abs=1e-6)
+        assert belongs.mean(axis=1) == pytest.approx(shares, abs=1e-6)
     narrow = rng.normal(3.0, 0.4, 1000)
     assert snapshots.fit_two(narrow, 0.25)[0] == pytest.approx([narrow.mean()] * 2)
 
