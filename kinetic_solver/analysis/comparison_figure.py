@@ -79,7 +79,7 @@ def _differences(axes: Axes, row: Row) -> None:
         axes.set_ylabel("difference over its bound", fontsize=8)
         return
     allowed = row.bound / row.error
-    axes.fill_between(row.points, -2 - allowed, 2 + allowed, color="0.9", zorder=0, label="and two standard errors")
+    axes.fill_between(row.points, -2 - allowed, 2 + allowed, color="0.9", zorder=0, label="that bound and two standard errors")
     axes.fill_between(row.points, -allowed, allowed, color=SYSTEMATIC, zorder=0, label="bound of the systematic part")
     axes.plot(row.points, row.difference / row.error, ".-", color=GREY, lw=0.8, ms=4)
     axes.set_ylabel("difference, standard errors", fontsize=8)
