@@ -30,7 +30,9 @@ def complaint(line: str) -> str:
         if words[0].startswith("-"):
             return ""
         name, command, rest = group.resolve_command(context, words)  # type: ignore[attr-defined]
-        command.make_parser(command.make_context(name, [], parent=context, resilient_parsing=True)).parse_args(list(rest))
+        own = command.make_context(name, [], parent=context, resilient_parsing=True)
+        own.resilient_parsing = False
+        command.make_parser(own).parse_args(list(rest))
     except Exception as error:  # of click's, which typer may carry under another name
         return f"{type(error).__name__}: {error}"
     return ""

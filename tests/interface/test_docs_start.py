@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 import xarray as xr
 
-from kinetic_solver import Scene
+from kinetic_solver import Scene, solve
 
 Command = Callable[..., subprocess.CompletedProcess[str]]
 DOCS = Path(__file__).parents[2] / "docs"
@@ -38,12 +38,11 @@ def test_the_page_does_what_it_says(command: Command, tmp_path: Path, monkeypatc
     assert abs(names["run"]["density"].mean() - names["truth"]["density"].mean()) < 1e-6
 
 
-@pytest.mark.parametrize(
-    ("number", "name", "value"), [(0, "mean_velocity", 4.0), (0, "temperature", 1.0), (1, "mean_velocity", -2.0)]
-)
-def test_the_teachers_numbers(tmp_path: Path, number: int, name: str, value: float) -> None:
-    from kinetic_solver import solve
+NUMBERS = [(0, "mean_velocity", 4.0), (0, "temperature", 1.0), (1, "mean_velocity", -2.0)]
 
+
+@pytest.mark.parametrize(("number", "name", "value"), NUMBERS)
+def test_the_teachers_numbers(tmp_path: Path, number: int, name: str, value: float) -> None:
     (tmp_path / "scene.toml").write_text(blocks("teaching.md", "toml")[number], encoding="utf-8")
     run: xr.Dataset = solve(Scene.from_toml(tmp_path / "scene.toml"))
     assert float(run[name].isel(time=-1, x=0)) == pytest.approx(value, rel=0.02)
