@@ -35,8 +35,6 @@ LEAST_RTOL = 1e-10
 """Nothing finer is asked of f: round-off is near."""
 HAFF_SHORT = 2.0
 """A cooling gas does not stay Maxwellian, and was seen up to so many times colder than Haff's law has it (docs/accuracy.md)."""
-KNOWN_STATES = (1e-6, 1e6)
-"""Collision numbers between which a homogeneous state of (12) is asked for: beyond, bounds do without it."""
 
 
 @dataclass(frozen=True)
@@ -249,8 +247,6 @@ def _haff(law: Inelastic, whole: Transition, density: float, theta: float) -> fl
 
 
 def _state_at_density(scene: Scene, density: float) -> HomogeneousState | None:
-    """None where there is none, or where it is not looked for."""
+    """None where there is none."""
     start = scene.initial.model_copy(update={"density": density})
-    there = scene.model_copy(update={"initial": start})
-    low, high = KNOWN_STATES
-    return homogeneous_state(there) if low < there.groups.collision_number < high else None
+    return homogeneous_state(scene.model_copy(update={"initial": start}))

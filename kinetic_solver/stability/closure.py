@@ -64,7 +64,11 @@ def closure_temperature(gamma: float, sigma: float, c: float) -> float:
     """θ with γ(θ - σ) + cθ^{3/2} = 0: the homogeneous temperature of (12) in the closure, the gas being taken for Maxwellian."""
     from scipy.optimize import brentq
 
-    return float(brentq(lambda theta: gamma * (theta - sigma) + c * theta**1.5, 0.0, sigma, xtol=1e-300, rtol=1e-14))
+    if c <= 0:
+        return sigma
+    # γσ = γθ + cθ^{3/2}: both terms are half of it or less at the one end, and one of them is all of it at the other.
+    low, high = (min(share * sigma, (share * gamma * sigma / c) ** (2 / 3)) for share in (0.5, 1.0))
+    return float(brentq(lambda theta: gamma * (theta - sigma) + c * theta**1.5, low, high, xtol=1e-300, rtol=1e-14))
 
 
 def critical_density(scene: Scene, mode: int = 1, moments: int = 3) -> float:

@@ -10,14 +10,9 @@ import functools
 import math
 from dataclasses import dataclass
 
-import numpy as np
-
 from kinetic_solver.laws import Inelastic
 from kinetic_solver.scene import Scene
 from kinetic_solver.stability.inelastic import inelastic_flow
-
-FINER = 8
-"""Times denser than f_h needs, for the collision rate: to 1e-7 (tests/exact/test_homogeneous.py)."""
 
 
 @dataclass(frozen=True)
@@ -37,8 +32,8 @@ class HomogeneousState:
 def homogeneous_state(scene: Scene) -> HomogeneousState | None:
     """The stationary state at the scene's mean density; None without both friction and noise: then there is none.
 
-    (6): exactly Gaussian, θ_h = σ, u_h = (g - Sρσ)/γ. (12): solved by Newton's method, θ_h to 1e-9
-    (tests/exact/test_homogeneous.py); raises SceneError should that not converge, as at R* = 1e6.
+    (6): exactly Gaussian, θ_h = σ, u_h = (g - Sρσ)/γ. (12): solved by Newton's method, at any ε and R*, θ_h to 1e-9
+    (tests/exact/test_homogeneous.py).
     """
     g, gamma, sigma = scene.model.gravity, scene.model.friction, scene.model.noise
     if gamma * sigma == 0:
@@ -59,12 +54,7 @@ def _inelastic(restitution: float, collision_number: float) -> tuple[float, floa
     w, f, dw = flow.homogeneous
     theta = float(w**2 @ f) * dw
     kurtosis = float(w**4 @ f) * dw / (3 * theta**2) - 1
-    # The kink of |v - v'| at 0 costs the plain sum dw²/6 ∫f²; the next correction is O(dw⁴), so f is taken more finely.
-    dw /= FINER
-    w = np.arange(w[0], -w[0], dw)
-    f = flow.distribution(w)
-    distance = float(f @ np.abs(w[:, None] - w[None, :]) @ f) * dw**2 + dw**2 / 6 * float(f @ f) * dw
-    return theta, kurtosis, distance
+    return theta, kurtosis, flow.mean_distance
 
 
 def pressure_slope(restitution: float, collision_number: float) -> float:

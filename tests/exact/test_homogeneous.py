@@ -13,7 +13,8 @@ from kinetic_solver import solve
 from kinetic_solver.initial import start_state
 from kinetic_solver.operators.collisions import Inelastic
 from kinetic_solver.scene import Scene
-from kinetic_solver.stability.homogeneous import homogeneous_state
+from kinetic_solver.stability.homogeneous import _inelastic, homogeneous_state
+from kinetic_solver.stability.inelastic import InelasticFlow
 
 MakeScene = Callable[..., Scene]
 UNIT = {"gravity": 0.0, "friction": 1.0, "noise": 1.0}
@@ -142,13 +143,29 @@ def test_states_of_operator_12_by_two_schemes(make_scene: MakeScene, restitution
     assert state.collision_rate == pytest.approx(number * distance, rel=1e-7)
 
 
-@pytest.mark.parametrize(("restitution", "number"), [(0.5, 1e-6), (0.99, 1e-4), (0.0, 1e5)])
-def test_states_of_weak_and_of_strong_collisions(make_scene: MakeScene, restitution: float, number: float) -> None:
-    """R* from 1e-6 to 1e5: at the one end the Maxwellian of variance σ, with Haff's correction; at the other white noise."""
-    state = homogeneous_state(make_scene(**inelastic(restitution, number)))
-    assert state is not None
-    cooling = number * (1 - restitution**2) / math.sqrt(math.pi)
-    if number < 1:
-        assert state.temperature == pytest.approx(1 - cooling, abs=10 * cooling**2 + 1e-9)
-    else:  # θ³ᐟ² R*(1 - ε²) → a constant of order √π
-        assert 0.9 < state.temperature**1.5 * cooling < 1.1
+@pytest.mark.parametrize("restitution", [0.0, 0.5, 0.9, 0.99, 0.99999])
+@pytest.mark.parametrize("number", [1e-300, 1e-6, 5e-5, 1e-2, 1.0, 30.0, 1e4, 1e6, 1e12, 1e100])
+def test_states_at_any_collision_number(make_scene: MakeScene, restitution: float, number: float) -> None:
+    """What friction and noise give, 2γ(σ - θ), collisions take: S(1 - ε²)/4 ∬ff'|v - v'|³."""
+    flow = InelasticFlow(restitution, number)
+    w, f, dw = flow.homogeneous
+    r = np.abs(w[:, None] - w)
+    taken = number * (1 - restitution**2) / 4 * float(f @ r**3 @ f) * dw**2
+    assert f.sum() * dw == pytest.approx(1.0, rel=1e-12)
+    assert taken == pytest.approx(2 * (1 - flow.temperature), rel=1e-4, abs=1e-10)  # the kink of |r|³ costs sums O(dw⁴)
+    assert f.min() > -1e-13 * f.max()
+
+
+@pytest.mark.parametrize("restitution", [0.0, 0.5, 0.99])
+def test_weak_collisions(restitution: float) -> None:
+    """θ = 1 - cR* + 3c²R*²/2 + …, a2 = (1 - 2ε²)/6 cR* + …, c = (1 - ε²)/√π: moments of C on a Maxwellian. Both two-sided."""
+    c = (1 - restitution**2) / math.sqrt(math.pi)
+
+    def off(number: float) -> tuple[float, float]:
+        theta, a2, _ = _inelastic(restitution, number)
+        return theta - (1 - c * number), a2 - (1 - 2 * restitution**2) / 6 * c * number
+
+    once, twice = off(1e-3 / c), off(2e-3 / c)
+    for small, large in zip(once, twice, strict=True):
+        assert large / small == pytest.approx(4.0, rel=0.01)
+    assert once[0] / 1e-3**2 == pytest.approx(1.5, rel=0.1)  # Haff's part; the other is that f is no Maxwellian

@@ -112,10 +112,10 @@ def fourier_structure_factor(restitution: float, number: float, wavenumbers: tup
 
     def moment(places: np.ndarray) -> np.ndarray:
         """∫_{-ϱ}^{ϱ} |r| exp(iξr) dr."""
-        x = unit * grid.range * places
+        x = unit * grid.half * places
         with np.errstate(invalid="ignore"):
-            value = 2 * grid.range**2 * (np.sin(x) / x - 2 * (np.sin(x / 2) / x) ** 2)
-        return np.where(x == 0, grid.range**2, value)
+            value = 2 * grid.half**2 * (np.sin(x) / x - 2 * (np.sin(x / 2) / x) ** 2)
+        return np.where(x == 0, grid.half**2, value)
 
     source = np.zeros((grid.count, grid.count), dtype=complex)
     for low in grid.index:
