@@ -180,7 +180,7 @@ def time_step(
         found = in_t.longest_strang_step(scales, waves)
         return found.value, found.reason
     limits = [in_t.longest_gap(scales)]
-    if scene.output.budgets is not False:
+    if scene.output.budgets is not False and scales.amplifies and velocity == "points":
         limits.append(in_t.budget_step(scales))
     if not scales.amplifies:
         limits.append(in_t.longest_believed(scales, waves))

@@ -114,6 +114,11 @@ class Plan:
         return self.stepping == "extrapolated" and self.scene.grid.time_step is None
 
     @property
+    def integrates(self) -> bool:
+        """True where steps have rates to integrate on their way, for the budgets; Strang's have none."""
+        return self.stepping == "extrapolated" and not self.symmetric
+
+    @property
     def memory_time(self) -> float:
         """How long errors last: the run, or a few relaxation times; by the frame's clock."""
         friction = self.inner.model.friction

@@ -14,6 +14,7 @@ from kinetic_solver.operators.collisions.protocol import CollisionRate
 from kinetic_solver.operators.linearised import GridLinearisedStep
 from kinetic_solver.plan import Plan
 from kinetic_solver.solver.representation import Representation, collision_operator, make_representation
+from kinetic_solver.solver.watched import watched_by
 from kinetic_solver.stepping import Controlled, ExactStep, ExactSteps, Extrapolated, Fixed, Plain, Stepper
 
 LINEARISED_ROUND_OFF = 0.05
@@ -69,8 +70,8 @@ def make_stepper(plan: Plan, representation: Representation) -> Stepper:
         return share * float(np.abs(f).max())
 
     if plan.stepping == "extrapolated":
-        given = scene.grid.time_step
-        return Fixed(method, given) if given is not None else Controlled(method, tolerance, longest)
+        given, watched = scene.grid.time_step, watched_by(plan, representation)
+        return Fixed(method, given, watched) if given is not None else Controlled(method, tolerance, longest, watched)
     step = representation.linearised(LINEARISED_ROUND_OFF * rtol)
     early = Early(plan) if plan.shortest_step > 0 and scene.initial.file is None else None
     # Where nx is open, a finer grid is the better way out of a step that loses its accuracy; but not of a jump.

@@ -49,7 +49,7 @@ class Writer:
             mass, momentum, energy = place.totals(seen.totals)
             values["scalars"] = {"mass": mass, "momentum": momentum, "energy": energy, **diagnostics}
         if "budgets" in due and self.ledger is not None:
-            values["budgets"] = self.ledger.record()
+            values["budgets"] = self.ledger.record(seen)
         if "moment_equations" in due:
             values["moment_equations"] = self._moment_equations(seen)
         self.recorder.record(float(self.schedule.times[frame]), values)
