@@ -14,6 +14,7 @@ NAMES = (
     "collision_operator",
     "own_laws",
     "linear_step",
+    "transforms",
     "work_precision",
     "time_steppers",
     "live_file",

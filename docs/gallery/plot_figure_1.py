@@ -11,10 +11,11 @@ from matplotlib.figure import Figure
 from kinetic_solver import Scene, stability
 
 critical = stability.figure_1()
-figure = Figure(figsize=(9, 4), layout="constrained")
-left, right = figure.subplots(1, 2)
-critical["critical_density"].plot(ax=left, marker="o", markersize=3)
-left.set_title("closure: critical density of each mode")
+figure_1 = Figure(figsize=(7, 4), layout="constrained")
+axes = figure_1.subplots()
+critical["critical_density"].plot(ax=axes, marker="o", markersize=3)
+axes.set_title("closure: critical density of each mode")
+print(f"least critical density {critical.attrs['least_critical_density']:.4g}, of the shortest waves")
 
 # %%
 # Growth rates at R* = 2, above the least critical density, by the closure and by the equation:
@@ -26,10 +27,10 @@ scene = Scene.model_validate(
     }
 )
 rates = stability.growth_rates(scene, range(1, 13))
-rates["closure_growth_rate"].plot(ax=right, marker="o", label="closure (3)-(5)")
-rates["kinetic_growth_rate"].plot(ax=right, marker="s", label="kinetic equation (2)")
-right.axhline(0, color="0.6", linewidth=0.8)
-right.set(title="R* = 2: growth rates", ylabel="Re s", ylim=(-2, 0.5))
-right.legend()
-figures = [figure]
-print(f"least critical density {critical.attrs['least_critical_density']:.4g}")
+rates_figure = Figure(figsize=(7, 4), layout="constrained")
+axes = rates_figure.subplots()
+rates["closure_growth_rate"].plot(ax=axes, marker="o", label="closure (3)-(5)")
+rates["kinetic_growth_rate"].plot(ax=axes, marker="s", label="kinetic equation (2)")
+axes.axhline(0, color="0.6", linewidth=0.8)
+axes.set(title="R* = 2: growth rates", ylabel="Re s", ylim=(-2, 0.5))
+axes.legend()

@@ -2,9 +2,9 @@
 Figures 2 and 3 of the paper: particles
 =======================================
 
-Particles below and above the critical density of the paper's equations, at its three times: their density along the pipe, and the
-distribution of their velocities beside a Gaussian and beside what the kinetic equation gives. Two thousand particles here, for
-speed; `kinetic-solver figure 3` draws ten thousand.
+Particles below and above the critical density of the paper's equations, at its three times: their density along the pipe, and
+the distribution of their velocities beside a Gaussian and beside what the kinetic equation gives. Two thousand particles here,
+for speed; ``kinetic-solver figure 3`` draws ten thousand.
 """
 
 from kinetic_solver.analysis.paper_figures import draw_snapshots, figure_scene, snapshots, summary

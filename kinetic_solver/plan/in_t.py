@@ -40,15 +40,15 @@ def farthest_exact_step(scales: Scales) -> float:
     return min(free / scales.collision_rate, relaxation / friction if friction > 0 else math.inf, scales.end)
 
 
-def shortest_exact_step(scales: Scales, waves: Waves, grid: PhaseSpaceGrid) -> float:
+def shortest_exact_step(scales: Scales, waves: Waves, grid: PhaseSpaceGrid, widths: float | None = None) -> float:
     """The time after which dv resolves the kernel, twice that in the local gauge; where none does, the farthest step.
 
-    The kernel's width after h is √(σ(1 - exp(-2γh))); it is to be `resolution`(rtol) times dv.
+    The kernel's width after h is √(σ(1 - exp(-2γh))); it is to be `widths` times dv, `resolution`(rtol) unless given.
     """
     gamma, sigma = scales.scene.model.friction, scales.scene.model.noise
     if gamma * sigma == 0 or scales.law is None:
         return 0.0
-    spread = (resolution(scales.rtol) * grid.dv) ** 2 / sigma
+    spread = ((resolution(scales.rtol) if widths is None else widths) * grid.dv) ** 2 / sigma
     longest = farthest_exact_step(scales)
     if spread >= 1:
         return longest

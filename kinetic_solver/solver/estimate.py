@@ -109,19 +109,27 @@ def _of_v(seen: Observation) -> float:
 def waves_in_v(seen: Observation) -> float:
     """The error that waves in v make which the points do not hold, judged by the amplitude a of the shortest that they hold.
 
-    It is about a between the points, and where a step was not resolved. At the points, and in sums over them, only waves of
-    twice that wavenumber err, which a smooth spectrum makes smaller than a²: so it is where exact steps resolve their kernel.
+    It is about a between the points, where f may be written, and where a step was not resolved. At the points, and in sums over
+    them, only waves of twice that wavenumber err, which a smooth spectrum makes smaller than a²: so it is where exact steps
+    resolve their kernel.
     """
     amplitude = shortest_of(seen.waves_in_v)
-    plan = seen.plan
+    plan, grid = seen.plan, seen.grid
     if not seen.scheme.exact or plan.reference_frame.moving or plan.drift_diffusion != "kernel":
         return amplitude
-    model, dv = plan.inner.model, seen.grid.dv
+    model, dv = plan.inner.model, grid.dv
     step = seen.clock if plan.time_step is None else plan.shortest_step
     resolved = model.friction * model.noise == 0 or dv <= resolved_spacing(model, step, resolution(plan.inner.accuracy.rtol)) * (
         1 + 1e-9
     )
-    return amplitude**2 if resolved else amplitude
+    if not resolved:
+        return amplitude
+    at_points = (plan.output.nv, plan.output.low, plan.output.high) == (grid.nv, grid.low, grid.high)
+    if at_points or plan.scene.output.f is False:
+        return amplitude**2
+    # A wave's height over max f: the longest, with which amplitudes are compared, is the mean of f over the window.
+    mean = float(seen.moments.density.max()) / (grid.high - grid.low) / float(seen.f.max())
+    return max(amplitude**2, 2 * mean * amplitude)
 
 
 def shortest_waves(f: Array, share: float = 0.0) -> float:
