@@ -60,7 +60,7 @@ def figure_scene(figure: int, operator: str = "follow-the-leader", count: int = 
             "pipe": {"length": LENGTH},
             "run": {"end_time": TIMES[-1], "output_every": 1.0},
             "output": {"f": False, "budgets": False},
-            "particles": {"count": count, "seed": seed},
+            "particles": {"count": count, "seed": seed, "replicas": 1},
         }
     )
 

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from kinetic_solver.cli.app import AsJson, Overrides, RunPath, ScenePath, exit_codes, load, print_json
+from kinetic_solver.cli.app import AsJson, Overrides, RunPath, ScenePath, exit_codes, load, print_json, print_rows
 
 
 def plot(
@@ -53,9 +53,7 @@ def describe(scene: ScenePath, overrides: Overrides = None, as_json: AsJson = Fa
             return
         for title, rows in found:
             print(f"\n{title}")
-            width = max(len(label) for label, _ in rows)
-            for label, text in rows:
-                print(f"  {label:<{width}}  {text}")
+            print_rows(rows)
 
 
 def info(run: RunPath, as_json: AsJson = False) -> None:

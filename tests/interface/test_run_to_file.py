@@ -23,11 +23,11 @@ from kinetic_solver import (
     run_to_file,
     solve,
 )
+from kinetic_solver import progress as progress_module
 from kinetic_solver.cli import app
 from kinetic_solver.dataset import VARIABLES, MemoryRecorder, open_netcdf, open_run, recording, refuse_existing, scene_of
 from kinetic_solver.methods import METHODS, Interruption
-from kinetic_solver.methods import progress as progress_module
-from kinetic_solver.methods.progress import telling
+from kinetic_solver.progress import telling
 from kinetic_solver.scene import Schedule
 from particles import simulate
 
@@ -254,7 +254,7 @@ def test_progress_in_lines(
     run_to_file(make_scene(**SMALL), tmp_path / "a.nc", "exact", progress=True)
     said = capsys.readouterr()
     assert said.out == ""
-    assert said.err.splitlines() == ["t = 1 of 1.5, 6 s left", "t = 1.5 of 1.5, 0 s left"]
+    assert said.err.splitlines() == ["starting", "t = 1 of 1.5, 6 s left", "t = 1.5 of 1.5, 0 s left"]
     run_to_file(make_scene(**SMALL), tmp_path / "b.nc", "exact")
     assert capsys.readouterr() == ("", "")
 
@@ -268,6 +268,7 @@ def test_progress_of_a_run_that_goes_back(capsys: pytest.CaptureFixture[str], mo
         for time in (0.9, 0.1, 0.6, 2.1):
             line(time, 2.1)
     assert capsys.readouterr().err.splitlines() == [
+        "starting",
         "t = 0.9 of 2.1, 20 s left",
         "t = 0.6 of 2.1 again, 30 s left",
         "t = 2.1 of 2.1 again, 0 s left",
