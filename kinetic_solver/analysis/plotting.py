@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from kinetic_solver.analysis.drawing import save, shades
-from kinetic_solver.arrays import Array
+from kinetic_solver.analysis.frames import fine_v, fine_x, frame_of, period_of, some, times_of
 from kinetic_solver.dataset import scene_of
 from kinetic_solver.errors import SceneError
 from kinetic_solver.scene import INELASTIC, Scene
@@ -24,17 +24,22 @@ LIGHTEST = 0.85
 """Shade of the curve at the last time."""
 MOST_FRAMES = 400
 """Frames between which it is seen how much a field changes. Chosen: four of them are shown."""
+MOST_TIMES, IN_A_ROW = 12, 4
+"""Panels of f(x, v), in all and beside one another: narrower ones would show little."""
 MOST_ROWS, MOST_COLUMNS = 1000, 1000
 """Of a map of colours: its axes have some 800 dots."""
 
 
 def overview(dataset: xr.Dataset, times: Sequence[float] | None = None) -> Figure:
-    """Density over (x, t), w(v) with its Gaussian, and f(x, v) at up to four `times`; without w(v), profiles of the density.
+    """Density over (x, t), w(v) with its Gaussian, and f(x, v) at up to twelve `times`; without w(v), profiles of the density.
 
-    By default the times are the first, the last, and those between which f changes equally. A homogeneous run (nx = 1) shows its
-    temperature over time instead, with the stationary value or Haff's law. Fields are drawn through the grid's points
-    by the trigonometric interpolant in x and a cubic spline in v. Raises SceneError where the dataset lacks the fields.
+    By default the times are four: the first, the last, and those between which f changes equally. A homogeneous run (nx = 1)
+    shows its temperature over time instead, with the stationary value or Haff's law. Fields are drawn through the grid's points
+    by the trigonometric interpolant in x and a cubic spline in v. Raises SceneError where the dataset lacks the fields, and for
+    times that it does not have.
     """
+    if times is not None and len(times) > MOST_TIMES:
+        raise SceneError(f"times: {len(times)} are given; allowed: up to {MOST_TIMES} (a movie has all of them)")
     if "density" not in dataset:
         method = dataset.attrs.get("method", "unknown")
         raise SceneError(f"the file has no 'density' (method: {method}); allowed: a run with output.moments = true")
@@ -42,14 +47,15 @@ def overview(dataset: xr.Dataset, times: Sequence[float] | None = None) -> Figur
     extended = dataset.sizes["x"] > 1
     with_f = "f" in dataset and extended
     shown = _frames(dataset, "velocity_distribution" if in_v else "density", times)
-    figure = Figure(figsize=(12, 8.6 if with_f else 5), layout="constrained")
-    top, *bottom = figure.subfigures(2 if with_f else 1, 1, squeeze=False, height_ratios=[1.1, 1] if with_f else [1])[:, 0]
+    rows = -(-len(_frames(dataset, "f", times)) // IN_A_ROW) if with_f else 0
+    figure = Figure(figsize=(12, 5 + 3.6 * rows), layout="constrained")
+    top, *bottom = figure.subfigures(2 if rows else 1, 1, squeeze=False, height_ratios=[1.1, rows] if rows else [1])[:, 0]
     left, right = top.subplots(1, 2, width_ratios=[1.15, 1])
     (_density_map if extended else _temperature_history)(left, dataset)
     (_velocity_distribution if in_v else _density_profiles)(right, dataset, shown)
     if with_f:
         _phase_space(bottom[0], dataset, times)
-    figure.suptitle(_title(scene_of(dataset)), fontsize=12)
+    figure.suptitle(title(scene_of(dataset)), fontsize=12)
     return figure
 
 
@@ -58,7 +64,7 @@ def save_overview(dataset: xr.Dataset, path: str | Path, times: Sequence[float] 
     save(overview(dataset, times), path)
 
 
-def _title(scene: Scene) -> str:
+def title(scene: Scene) -> str:
     parts = [f"g = {scene.model.gravity:g}, γ = {scene.model.friction:g}, σ = {scene.model.noise:g}"]
     if scene.collisions is None:
         parts.append("no collisions")
@@ -77,64 +83,22 @@ def _frames(dataset: xr.Dataset, name: str, times: Sequence[float] | None, count
     """Indices of the frames nearest to `times`; by default `count` of them, between which the field changes equally.
 
     Raises SceneError for a time beyond the frames."""
-    t = _times(dataset, name)
+    t = times_of(dataset, name)
     if not t.size:
         raise SceneError("the file has no frame yet")
     if times is not None:
         for time in times:
             if not t[0] <= time <= t[-1] * (1 + SAME_TIME):
                 raise SceneError(f"time {time:g}: is beyond the frames of the file; allowed: {t[0]:g} to {t[-1]:g}")
-        return sorted({int(np.abs(t - time).argmin()) for time in times})[:count]
-    looked = _some(t.size, MOST_FRAMES)
-    change, before = [0.0], _frame(dataset, name, 0)
+        return sorted({int(np.abs(t - time).argmin()) for time in times})
+    looked = some(t.size, MOST_FRAMES)
+    change, before = [0.0], frame_of(dataset, name, 0)
     for n in looked[1:]:
-        now = _frame(dataset, name, n)
+        now = frame_of(dataset, name, n)
         change.append(float(np.abs(now - before).sum()))
         before = now
     path = np.cumsum(change)
     return sorted({int(looked[np.abs(path - part).argmin()]) for part in np.linspace(0, path[-1], count)})
-
-
-def _some(count: int, most: int) -> Array:
-    """Indices of that many of `count` frames, evenly, both ends among them; all where there are no more."""
-    return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(int))
-
-
-def _frame(dataset: xr.Dataset, name: str, n: int) -> Array:
-    """One frame: a file is read no further."""
-    return np.asarray(dataset[name].isel({dataset[name].dims[0]: n}).values)
-
-
-def _times(dataset: xr.Dataset, name: str) -> Array:
-    """Times of the frames of `name` that are complete."""
-    dimension, *others = map(str, dataset[name].dims)
-    whole = np.isfinite(dataset[name].isel(dict.fromkeys(others, 0)).values)
-    return np.asarray(dataset[dimension].values[whole], dtype=float)
-
-
-def _period(dataset: xr.Dataset) -> float:
-    return scene_of(dataset).pipe.length
-
-
-def _fine_x(values: Array, length: float, axis: int) -> tuple[Array, Array]:
-    """(x, values) on at least 240 intervals of the period, its end included, by the trigonometric interpolant."""
-    nx = values.shape[axis]
-    factor = max(1, -(-240 // nx))
-    spectrum = np.fft.rfft(values, axis=axis)
-    if nx % 2 == 0 and factor > 1:  # the Nyquist cosine becomes an ordinary mode, which counts twice
-        spectrum[(slice(None),) * axis + (-1,)] /= 2
-    fine = np.fft.irfft(spectrum, n=nx * factor, axis=axis) * factor
-    return np.linspace(0, length, nx * factor + 1), np.concatenate([fine, fine.take([0], axis=axis)], axis=axis)
-
-
-def _fine_v(v: Array, values: Array, axis: int) -> tuple[Array, Array]:
-    """(v, values) on at least 300 points, by a cubic spline."""
-    from scipy.interpolate import make_interp_spline
-
-    if v.size >= 300:
-        return v, values
-    fine = np.linspace(v[0], v[-1], 400)
-    return fine, make_interp_spline(v, values, k=3, axis=axis)(fine)
 
 
 def _legend_below(axes: Any, columns: int) -> None:
@@ -143,12 +107,12 @@ def _legend_below(axes: Any, columns: int) -> None:
 
 
 def _density_map(axes: Any, dataset: xr.Dataset) -> None:
-    t = _times(dataset, "density")
-    rows = _some(t.size, MOST_ROWS)
+    t = times_of(dataset, "density")
+    rows = some(t.size, MOST_ROWS)
     t = t[rows]
-    x, rho = _fine_x(dataset["density"].isel({dataset["density"].dims[0]: rows}).values, _period(dataset), axis=1)
+    x, rho = fine_x(dataset["density"].isel({dataset["density"].dims[0]: rows}).values, period_of(dataset), axis=1)
     if t.size > 2:
-        columns = _some(x.size, MOST_COLUMNS)
+        columns = some(x.size, MOST_COLUMNS)
         x, rho = x[columns], rho[:, columns]
         mesh = axes.pcolormesh(x, t, rho, cmap="magma", shading="gouraud", rasterized=True)
         axes.figure.colorbar(mesh, ax=axes, label="density ρ", pad=0.01)
@@ -161,7 +125,7 @@ def _density_map(axes: Any, dataset: xr.Dataset) -> None:
 
 
 def _temperature_history(axes: Any, dataset: xr.Dataset) -> None:
-    scene, t = scene_of(dataset), _times(dataset, "temperature")
+    scene, t = scene_of(dataset), times_of(dataset, "temperature")
     theta = dataset["temperature"].values[: t.size, 0]
     axes.plot(t, theta, color="C0", lw=2, label="θ(t)")
     state = homogeneous_state(scene)
@@ -181,25 +145,25 @@ def _temperature_history(axes: Any, dataset: xr.Dataset) -> None:
 
 def _density_profiles(axes: Any, dataset: xr.Dataset, shown: list[int]) -> None:
     """In place of w(v), where a run has none: hydrodynamics. As it is at its points, since shocks have no interpolant."""
-    t, length = _times(dataset, "density"), _period(dataset)
+    t, length = times_of(dataset, "density"), period_of(dataset)
     x = np.append(dataset["x"].values, length)
     for colour, n in zip(shades(len(shown), LIGHTEST), shown, strict=True):
-        rho = _frame(dataset, "density", n)
+        rho = frame_of(dataset, "density", n)
         axes.plot(x, np.append(rho, rho[0]), color=colour, lw=2, label=f"t = {t[n]:.3g}")
     axes.set(xlabel="x", ylabel="ρ(x, t)", title="density", xlim=(0, length))
     axes.legend(frameon=False)
 
 
 def _velocity_distribution(axes: Any, dataset: xr.Dataset, shown: list[int]) -> None:
-    t, v = _times(dataset, "velocity_distribution"), dataset["v"].values
-    w = {n: _frame(dataset, "velocity_distribution", n) for n in shown}
+    t, v = times_of(dataset, "velocity_distribution"), dataset["v"].values
+    w = {n: frame_of(dataset, "velocity_distribution", n) for n in shown}
     dv = v[1] - v[0]
     top = max(float(values.max()) for values in w.values())
     for colour, n in zip(shades(len(shown), LIGHTEST), shown, strict=True):
         mass = w[n].sum() * dv
         mean = (v * w[n]).sum() * dv / mass
         variance = ((v - mean) ** 2 * w[n]).sum() * dv / mass
-        fine, curve = _fine_v(v, w[n], axis=0)
+        fine, curve = fine_v(v, w[n], axis=0)
         gaussian = mass * np.exp(-((fine - mean) ** 2) / (2 * variance)) / np.sqrt(2 * np.pi * variance)
         axes.plot(fine, curve, color=colour, lw=2, label=f"t = {t[n]:.3g}")
         axes.plot(fine, gaussian, color=colour, lw=1, ls=(0, (3, 2)))
@@ -211,18 +175,22 @@ def _velocity_distribution(axes: Any, dataset: xr.Dataset, shown: list[int]) -> 
 
 def _phase_space(figure: Any, dataset: xr.Dataset, times: Sequence[float] | None) -> None:
     shown = _frames(dataset, "f", times)
-    t, v = _times(dataset, "f"), dataset["v"].values
+    t, v = times_of(dataset, "f"), dataset["v"].values
     frames = []
     for n in shown:
-        x, f = _fine_x(_frame(dataset, "f", n), _period(dataset), axis=0)
-        fine, f = _fine_v(v, f, axis=1)
+        x, f = fine_x(frame_of(dataset, "f", n), period_of(dataset), axis=0)
+        fine, f = fine_v(v, f, axis=1)
         frames.append(f)
     top = max(float(f.max()) for f in frames)
     visible = np.flatnonzero(np.max([f.max(axis=0) for f in frames], axis=0) > 2e-3 * top)
-    panels = figure.subplots(1, len(shown), sharey=True, squeeze=False)[0]
+    columns = min(len(shown), IN_A_ROW)
+    panels = figure.subplots(-(-len(shown) // columns), columns, sharey=True, squeeze=False)
+    for axes in panels.flat[len(shown) :]:
+        axes.set_axis_off()
     mesh = None
-    for axes, n, f in zip(panels, shown, frames, strict=True):
+    for axes, n, f in zip(panels.flat[: len(shown)], shown, frames, strict=True):
         mesh = axes.pcolormesh(x, fine, f.T, cmap="magma", shading="gouraud", vmin=0, vmax=top, rasterized=True)
         axes.set(xlabel="x", title=f"f(x, v), t = {t[n]:.3g}", xlim=(0, x[-1]), ylim=(fine[visible[0]], fine[visible[-1]]))
-    panels[0].set_ylabel("velocity v")
+    for axes in panels[:, 0]:
+        axes.set_ylabel("velocity v")
     figure.colorbar(mesh, ax=panels, pad=0.01, aspect=30)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import subprocess
 from collections.abc import Callable
 from pathlib import Path
 
@@ -9,10 +10,12 @@ import numpy as np
 import pytest
 
 from kinetic_solver import Scene, SceneError, solve
-from kinetic_solver.analysis.plotting import _fine_v, _fine_x, _frames, _some, overview
+from kinetic_solver.analysis.frames import fine_v, fine_x, some
+from kinetic_solver.analysis.plotting import _frames, overview
 from kinetic_solver.dataset import open_run, write_dataset
 
 MakeScene = Callable[..., Scene]
+Command = Callable[..., subprocess.CompletedProcess[str]]
 
 
 @pytest.mark.parametrize("nx", [7, 8, 480, 481])
@@ -24,19 +27,19 @@ def test_fields_are_drawn_through_the_grid_points(nx: int) -> None:
         return 1 + 0.4 * np.cos(2 * np.pi * x / length) + 0.2 * np.sin(6 * np.pi * x / length)
 
     x = length * np.arange(nx) / nx
-    fine, values = _fine_x(field(x)[None], length, axis=1)
+    fine, values = fine_x(field(x)[None], length, axis=1)
     assert fine.size > 240
     assert (fine[0], fine[-1]) == (0.0, length)
     assert values[0] == pytest.approx(field(fine), abs=1e-13)
     # An even nx's Nyquist cosine keeps its values, too.
     saw = np.cos(np.pi * np.arange(nx)) if nx % 2 == 0 else field(x)
-    _, drawn = _fine_x(saw, length, axis=0)
+    _, drawn = fine_x(saw, length, axis=0)
     assert drawn[: -1 : (drawn.size - 1) // nx] == pytest.approx(saw, abs=1e-12)
 
 
 def test_velocities_are_drawn_through_the_grid_points() -> None:
     v = np.linspace(-5, 5, 64)
-    fine, values = _fine_v(v, np.exp(-(v**2) / 2), axis=0)
+    fine, values = fine_v(v, np.exp(-(v**2) / 2), axis=0)
     assert values == pytest.approx(np.exp(-(fine**2) / 2), abs=2e-5)
 
 
@@ -63,6 +66,41 @@ def test_panels(make_scene: MakeScene, homogeneous: bool) -> None:
     curves = next(axes for axes in overview(run).axes if axes.get_title() == "velocity distribution").get_lines()
     theta = 0.3 if homogeneous else 0.5
     assert float(np.max(curves[0].get_ydata())) == pytest.approx(0.8 * 9.0 / np.sqrt(2 * np.pi * theta), rel=1e-3)
+
+
+def test_more_times_than_fit_into_a_row(make_scene: MakeScene) -> None:
+    """Each of them is drawn, in the order of time; where there are too many, none."""
+    run = solve(make_scene(run={"end_time": 1.5, "output_every": 0.25}, accuracy={"rtol": 1e-2}))
+    titles = [axes.get_title() for axes in overview(run, [1.5, 0.25, 0.5, 1.0, 0.75, 1.25]).axes]
+    expected = [f"f(x, v), t = {time:.3g}" for time in (0.25, 0.5, 0.75, 1.0, 1.25, 1.5)]
+    assert [title for title in titles if title.startswith("f(x, v)")] == expected
+    with pytest.raises(SceneError, match=r"^times: 13 are given; allowed: up to 12 \(a movie has all of them\)$"):
+        overview(run, [0.1 * n for n in range(13)])
+
+
+def test_pictures_are_not_overwritten(make_scene: MakeScene, command: Command, tmp_path: Path) -> None:
+    """By none of the commands that draw; with --overwrite they are."""
+    law = {"operator": "follow-the-leader", "cross_section": 0.9}
+    scene = make_scene(collisions=law, accuracy={"rtol": 1e-2})
+    (tmp_path / "scene.toml").write_text(scene.to_toml(), encoding="utf-8")
+    for name in ("a.nc", "b.nc"):
+        write_dataset(solve(scene), tmp_path / name)
+    commands = {
+        "a.png": ("plot", "a.nc"),
+        "a-b.png": ("compare", "a.nc", "b.nc", "--figure"),
+        "scene-stability.png": ("stability", "scene.toml", "--figure"),
+        "figure_1.png": ("stability", "--figure"),
+        "figure_2.png": ("figure", "2", "--count", "100"),
+    }
+    for picture, arguments in commands.items():
+        (tmp_path / picture).write_text("mine")
+        done = command(*arguments, folder=tmp_path)
+        assert done.returncode == 2
+        assert done.stderr.startswith(f"error: {picture}: exists already; use --overwrite to replace it")
+        assert (tmp_path / picture).read_text() == "mine"
+    for picture in list(commands)[:3]:
+        assert command(*commands[picture], "--overwrite", folder=tmp_path).returncode == 0
+        assert (tmp_path / picture).read_bytes()[:4] == b"\x89PNG"
 
 
 def test_a_file_without_the_fields_is_refused(make_scene: MakeScene) -> None:
@@ -94,6 +132,6 @@ def test_the_cost_goes_with_the_picture(make_scene: MakeScene, tmp_path: Path) -
 
 
 def test_some_of_many() -> None:
-    assert _some(3, 10).tolist() == [0, 1, 2]
-    assert _some(1, 10).tolist() == [0]
-    assert _some(11, 3).tolist() == [0, 5, 10]
+    assert some(3, 10).tolist() == [0, 1, 2]
+    assert some(1, 10).tolist() == [0]
+    assert some(11, 3).tolist() == [0, 5, 10]
