@@ -9,6 +9,7 @@ import logging
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from threading import Timer
 from time import monotonic
 from typing import TypeAlias
 
@@ -17,6 +18,8 @@ Progress: TypeAlias = Callable[[float, float], None]
 
 SECONDS_BETWEEN_LINES = 10.0
 """Seldom enough for the log of a long run."""
+SECONDS_IN_SILENCE = 2.0
+"""After which a person is told that a run is starting; what is refused is refused before, in one line. Chosen."""
 
 log = logging.getLogger(__name__)
 
@@ -25,7 +28,8 @@ log = logging.getLogger(__name__)
 def telling(progress: bool | Progress | None, unit: str = "t") -> Iterator[Progress | None]:
     """What a run calls as it goes: nothing (False), the given callable, or what tells a person on stderr (True).
 
-    A person is told at once that the run has begun. `unit` is the word before the numbers: t, or frame.
+    A person is told that the run is starting before there is anything to tell of it. `unit`: the word before
+    the numbers.
     """
     if progress is False or progress is None:
         yield None
@@ -36,7 +40,13 @@ def telling(progress: bool | Progress | None, unit: str = "t") -> Iterator[Progr
             yield shown
     else:
         with _heard():
-            yield _lines(unit)
+            waiting = Timer(SECONDS_IN_SILENCE, lambda: log.info("starting"))
+            waiting.daemon = True
+            waiting.start()
+            try:
+                yield _lines(unit, waiting.cancel)
+            finally:
+                waiting.cancel()
 
 
 def _in_notebook_with_widgets() -> bool:
@@ -77,12 +87,14 @@ def _heard() -> Iterator[None]:
         log.propagate = before[1]
 
 
-def _lines(unit: str) -> Progress:
-    """A line at most every `SECONDS_BETWEEN_LINES`, and one at the end. A run that goes back, to be refined, says "again"."""
+def _lines(unit: str, begun: Callable[[], None]) -> Progress:
+    """A line at most every `SECONDS_BETWEEN_LINES`, and one at the end. A run that goes back, to be refined, says "again".
+
+    `begun` is called before each of them.
+    """
     began = spoken = monotonic()
     since = last = 0.0
     again = ""
-    log.info("starting")
 
     def line(time: float, end: float) -> None:
         nonlocal began, spoken, since, last, again
@@ -92,6 +104,7 @@ def _lines(unit: str) -> Progress:
         last = time
         if now - spoken >= SECONDS_BETWEEN_LINES or time == end:
             spoken = now
+            begun()
             # Until the first step is done there is nothing to tell from.
             left = f", {(now - began) / (time - since) * (end - time):.0f} s left" if time > since else ""
             log.info("%s = %.6g of %g%s%s", unit, time, end, again, left)
