@@ -10,7 +10,7 @@ NAME := $(basename $(notdir $(SCENE)))
 run: $(VENV)/.installed
 	@mkdir -p output
 	$(BIN)/kinetic-solver run $(SCENE) -o output/$(NAME).nc --overwrite
-	$(BIN)/kinetic-solver plot output/$(NAME).nc -o output/$(NAME).png
+	$(BIN)/kinetic-solver plot output/$(NAME).nc -o output/$(NAME).png --overwrite
 
 test: $(VENV)/.installed lint
 	$(BIN)/python -m pytest -q -n 2

@@ -8,10 +8,9 @@ import numpy as np
 from matplotlib.colors import LogNorm
 
 from kinetic_solver.analysis.drawing import GREY, shades
-from kinetic_solver.analysis.frames import frame, some, times_of
+from kinetic_solver.analysis.frames import FINE_V, fine_v, fine_x, frame_of, is_counted, some, times_of
 from kinetic_solver.arrays import Array
 from kinetic_solver.dataset import scene_of
-from kinetic_solver.interpolation import through_splines, through_waves
 from kinetic_solver.scene import INELASTIC
 from kinetic_solver.stability.homogeneous import homogeneous_state
 
@@ -20,10 +19,10 @@ if TYPE_CHECKING:
 
 LIGHTEST = 0.85
 """Shade of the curve at the last time."""
+IN_A_ROW = 4
+"""Panels of f(x, v) beside one another: narrower ones would show little."""
 MOST_ROWS, MOST_COLUMNS = 1000, 1000
 """Of a map of colours: its axes have some 500 dots."""
-FINE_X, FINE_V = 240, 400
-"""Points at which a field of few points is drawn. Chosen: no corner is seen."""
 FIELDS = {
     "density": ("density", "ρ", "magma"),
     "mean_velocity": ("mean velocity", "u", "viridis"),
@@ -34,32 +33,6 @@ DECADES = 30.0
 """A temperature that spans more than this factor is drawn on a logarithmic scale."""
 JUMP = 0.4
 """Of the range of the density: frames between which it changes by more somewhere show a moving front as a row of beads."""
-
-
-def is_counted(dataset: xr.Dataset) -> bool:
-    """Particles are counted in cells: what is between the cells' centres is not known, and not drawn."""
-    return str(dataset.attrs.get("method", "")).startswith("particles")
-
-
-def fine_x(dataset: xr.Dataset, values: Array, axis: int) -> tuple[Array, Array]:
-    """(x, values) from 0 to the end of the period, on at least 240 intervals, through the waves that the points hold.
-
-    Fields with missing values, and fields of shocks and of particles, stay at their points.
-    """
-    x, length = dataset["x"].values, scene_of(dataset).pipe.length
-    smooth = np.isfinite(values).all() and "velocity_distribution" in dataset and not is_counted(dataset)
-    if smooth and x.size < FINE_X:
-        places = np.linspace(0, length, x.size * -(-FINE_X // x.size) + 1)
-        return places, np.moveaxis(np.moveaxis(values, axis, -1) @ through_waves(x, places, length).T, -1, axis)
-    return np.append(x, x[0] + length), np.concatenate([values, values.take([0], axis=axis)], axis=axis)
-
-
-def fine_v(v: Array, values: Array) -> tuple[Array, Array]:
-    """(v, values) along the last axis, on 400 points, by a cubic spline."""
-    if not 4 <= v.size < FINE_V:
-        return v, values
-    fine = np.linspace(v[0], v[-1], FINE_V)
-    return fine, values @ through_splines(v, fine, degree=3).T
 
 
 def legend_below(axes: Any, columns: int) -> None:
@@ -105,10 +78,10 @@ def profiles(axes: Any, dataset: xr.Dataset, name: str, shown: list[int]) -> Non
     """A field over x at some of its frames, with its standard error where it has one."""
     t, (title, symbol, _) = times_of(dataset, name), FIELDS[name]
     for colour, n in zip(shades(len(shown), LIGHTEST), shown, strict=True):
-        x, values = fine_x(dataset, frame(dataset, name, n), axis=0)
+        x, values = fine_x(dataset, frame_of(dataset, name, n), axis=0)
         axes.plot(x, values, color=colour, lw=2, label=f"t = {t[n]:.3g}")
         if f"{name}_stderr" in dataset:
-            error = frame(dataset, f"{name}_stderr", n)
+            error = frame_of(dataset, f"{name}_stderr", n)
             error = np.append(error, error[0])
             axes.fill_between(x, values - error, values + error, color=colour, alpha=0.25, lw=0)
     axes.set(xlabel="x", ylabel=symbol, title=title, xlim=(0, x[-1]))
@@ -118,7 +91,7 @@ def profiles(axes: Any, dataset: xr.Dataset, name: str, shown: list[int]) -> Non
 def velocity_distribution(axes: Any, dataset: xr.Dataset, shown: list[int]) -> None:
     """w(v), each frame over a Gaussian of its mean and variance; of particles as steps, with bands of one standard error."""
     t, v = times_of(dataset, "velocity_distribution"), dataset["v"].values
-    w = {n: frame(dataset, "velocity_distribution", n) for n in shown}
+    w = {n: frame_of(dataset, "velocity_distribution", n) for n in shown}
     dv = v[1] - v[0]
     edges = np.append(v - dv / 2, v[-1] + dv / 2)
     for colour, n in zip(shades(len(shown), LIGHTEST), shown, strict=True):
@@ -128,11 +101,11 @@ def velocity_distribution(axes: Any, dataset: xr.Dataset, shown: list[int]) -> N
         if is_counted(dataset):
             axes.stairs(w[n], edges, color=colour, lw=1.5, label=f"t = {t[n]:.3g}")
             if "velocity_distribution_stderr" in dataset:
-                error = frame(dataset, "velocity_distribution_stderr", n)
+                error = frame_of(dataset, "velocity_distribution_stderr", n)
                 axes.stairs(w[n] + error, edges, baseline=w[n] - error, fill=True, color=colour, alpha=0.3, lw=0)
             fine = np.linspace(v[0], v[-1], FINE_V)
         else:
-            fine, curve = fine_v(v, w[n])
+            fine, curve = fine_v(dataset, w[n])
             axes.plot(fine, curve, color=colour, lw=2, label=f"t = {t[n]:.3g}")
         gaussian = mass * np.exp(-((fine - mean) ** 2) / (2 * variance)) / np.sqrt(2 * np.pi * variance)
         axes.plot(fine, gaussian, color=colour, lw=1, ls=(0, (3, 2)))
@@ -145,21 +118,24 @@ def velocity_distribution(axes: Any, dataset: xr.Dataset, shown: list[int]) -> N
 
 def phase_space(figure: Any, dataset: xr.Dataset, shown: list[int]) -> None:
     """f(x, v) side by side with one scale of colours; of particles as the cells in which they were counted."""
-    t, v = times_of(dataset, "f"), dataset["v"].values
-    frames = []
+    t, frames = times_of(dataset, "f"), []
     for n in shown:
-        x, f = fine_x(dataset, frame(dataset, "f", n), axis=0)
-        fine, f = (v, f) if is_counted(dataset) else fine_v(v, f)
+        x, f = fine_x(dataset, frame_of(dataset, "f", n), axis=0)
+        fine, f = fine_v(dataset, f)
         frames.append(f)
     top = max(float(f.max()) for f in frames)
     visible = np.flatnonzero(np.max([f.max(axis=0) for f in frames], axis=0) > 2e-3 * top)
-    panels = figure.subplots(1, len(shown), sharey=True, squeeze=False)[0]
+    columns = min(len(shown), IN_A_ROW)
+    panels = figure.subplots(-(-len(shown) // columns), columns, sharey=True, squeeze=False)
+    for axes in panels.flat[len(shown) :]:
+        axes.set_axis_off()
     shading = "nearest" if is_counted(dataset) else "gouraud"
     mesh = None
-    for axes, n, f in zip(panels, shown, frames, strict=True):
+    for axes, n, f in zip(panels.flat[: len(shown)], shown, frames, strict=True):
         mesh = axes.pcolormesh(x, fine, f.T, cmap="magma", shading=shading, vmin=0, vmax=top, rasterized=True)
         axes.set(xlabel="x", title=f"f(x, v), t = {t[n]:.3g}", xlim=(0, x[-1]), ylim=(fine[visible[0]], fine[visible[-1]]))
-    panels[0].set_ylabel("velocity v")
+    for axes in panels[:, 0]:
+        axes.set_ylabel("velocity v")
     figure.colorbar(mesh, ax=panels, pad=0.01, aspect=30, label="f")
 
 

@@ -23,6 +23,7 @@ from kinetic_solver.scene import INELASTIC, Scene
 from kinetic_solver.solver import solve
 from kinetic_solver.stability import structure_factor
 from kinetic_solver.stability.homogeneous import homogeneous_state
+from kinetic_solver.stability.verdict import LARGEST_CONTRAST
 
 TIMES = (0.0, 3.0, 500.0)
 """The paper's times, taken in units of 1/γ."""
@@ -38,6 +39,8 @@ BINS = 50
 """Bins of the density's histogram."""
 LEAST_COUNT = 2 * BINS
 """The fewest particles of which a histogram says anything: two to a bin."""
+OUT_OF_RANGE = "has left its range"
+"""What is said of linear theory beyond `LARGEST_CONTRAST`."""
 PARTICLES, EQUATION, GAUSSIAN, TWO = "0.45", BLUE, "#000000", ORANGE
 """Colours."""
 
@@ -58,7 +61,7 @@ def figure_scene(figure: int, operator: str = "follow-the-leader", count: int = 
             "pipe": {"length": LENGTH},
             "run": {"end_time": TIMES[-1], "output_every": 1.0},
             "output": {"f": False, "budgets": False},
-            "particles": {"count": count, "seed": seed},
+            "particles": {"count": count, "seed": seed, "replicas": 1},
         }
     )
 
@@ -182,6 +185,11 @@ def expected_contrast(scene: Scene, bins: int = BINS, count: int | None = None) 
     return math.sqrt((2 * float((s * window).sum()) + beyond) / (count or scene.particles.count))
 
 
+def contrast_in_words(contrast: float) -> str:
+    """A number where linear theory's contrast is one: waves are small."""
+    return f"{contrast:.3g}" if contrast <= LARGEST_CONTRAST else OUT_OF_RANGE
+
+
 def summary(dataset: xr.Dataset) -> list[str]:
     """Each snapshot in one line, and what linear theory expects of its density."""
     scene = scene_of(dataset)
@@ -215,10 +223,9 @@ def summary(dataset: xr.Dataset) -> list[str]:
         }
         lines.append(f"t = {time:g}: ∫|w - …|dv: " + ", ".join(f"{name} {value:.3f}" for name, value in distances.items()))
     lines.append(f"(2) stays homogeneous: mean v {state.mean_velocity:.4g}, variance {state.temperature:.4g}")
-    lines.append(
-        f"linear theory of noise: contrast {expected_contrast(scene):.3g} (independent particles "
-        f"{math.sqrt((BINS - 1) / scene.particles.count):.3g})"
-    )
+    expected, independent = expected_contrast(scene), math.sqrt((BINS - 1) / scene.particles.count)
+    predicted = f"contrast {contrast_in_words(expected)}" if expected <= LARGEST_CONTRAST else OUT_OF_RANGE
+    lines.append(f"linear theory of noise: {predicted} (independent particles {independent:.3g})")
     return lines
 
 
@@ -255,9 +262,9 @@ def draw_snapshots(dataset: xr.Dataset) -> Figure:
     axes[1, 0].legend(fontsize=7, loc="upper left")
     axes[1, 0].set_ylim(top=1.5 * float(dataset["histogram"].max()))
     kind = "operator (12), ε = 0.5" if scene.operator == INELASTIC else "operator (6)"
-    number = scene.groups.collision_number
-    figure.suptitle(
-        f"{kind}, R* = {number:g}, {scene.particles.count} particles; linear theory of noise: density contrast "
-        f"{expected_contrast(scene):.2g}"
-    )
+    number, expected = scene.groups.collision_number, expected_contrast(scene)
+    predicted = f"linear theory of noise: density contrast {expected:.2g}"
+    if expected > LARGEST_CONTRAST:
+        predicted = f"linear theory of their noise {OUT_OF_RANGE}"
+    figure.suptitle(f"{kind}, R* = {number:g}, {scene.particles.count} particles; {predicted}")
     return figure

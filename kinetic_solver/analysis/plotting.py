@@ -26,7 +26,7 @@ W = "velocity_distribution"
 def overview(dataset: xr.Dataset, times: Sequence[float] | None = None) -> Figure:
     """Density, mean velocity and temperature over (x, t), w(v), and, in a second row, f(x, v), at the same `times` as w(v).
 
-    By default there are four times: the first, the last, and those between which f changes equally; up to eight may be given.
+    By default there are four times: the first, the last, and those between which f changes equally; up to twelve may be given.
     A homogeneous run (nx = 1) shows mean velocity and temperature over time; a run without w(v) profiles of its density.
     Fields on a grid are drawn through its points, by the trigonometric interpolant in x and a cubic spline in v; particles as
     they were counted, with bands of one standard error. Raises SceneError where the dataset lacks the fields.
@@ -40,8 +40,9 @@ def overview(dataset: xr.Dataset, times: Sequence[float] | None = None) -> Figur
     frames = chosen_frames(dataset, led_by, times)
     shown = times_of(dataset, led_by)[frames]
     names = [name for name in panels.FIELDS if name in dataset and (extended or name != "density")]
-    figure = Figure(figsize=(4.1 * len(names) + 3.7, 8.6 if with_f else 4.6), layout="constrained")
-    top, *bottom = figure.subfigures(2 if with_f else 1, 1, squeeze=False, height_ratios=[1.1, 1] if with_f else [1])[:, 0]
+    rows = -(-len(frames) // panels.IN_A_ROW) if with_f else 0
+    figure = Figure(figsize=(4.1 * len(names) + 3.7, 4.6 + 4 * rows), layout="constrained")
+    top, *bottom = figure.subfigures(2 if rows else 1, 1, squeeze=False, height_ratios=[1.1, rows] if rows else [1])[:, 0]
     *left, right = top.subplots(1, len(names) + 1)
     for axes, name in zip(left, names, strict=True):
         if extended:
@@ -70,7 +71,7 @@ def _nearest(dataset: xr.Dataset, name: str, shown: Array) -> list[int]:
 
 def _title(figure: Figure, dataset: xr.Dataset) -> None:
     """The scene; the method and its grid; in colour, what a reader must know before the picture is believed."""
-    said = [_of_scene(scene_of(dataset)), _of_method(dataset)]
+    said = [title(scene_of(dataset)), _of_method(dataset)]
     warned = []
     if "status" in dataset and int(dataset["status"]) == STOPPED:
         end = scene_of(dataset).run.end_time
@@ -82,7 +83,8 @@ def _title(figure: Figure, dataset: xr.Dataset) -> None:
         figure.supxlabel("; ".join(warned), fontsize=11, color=ORANGE)
 
 
-def _of_scene(scene: Scene) -> str:
+def title(scene: Scene) -> str:
+    """A scene in a line: its collisions, its numbers."""
     if scene.collisions is None:
         kind = "no collisions"
     else:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -42,6 +42,14 @@ def print_json(facts: Any) -> None:
     import json
 
     print(json.dumps(_without_nan(facts), ensure_ascii=False, indent=1, allow_nan=False))
+
+
+def print_rows(rows: Iterable[tuple[str, str]]) -> None:
+    """Labels and texts, in two columns."""
+    listed = list(rows)
+    width = max((len(label) for label, _ in listed), default=0)
+    for label, text in listed:
+        print(f"  {label:<{width}}  {text}")
 
 
 def _without_nan(facts: Any) -> Any:

@@ -12,7 +12,7 @@ from kinetic_solver.initial import Given
 from kinetic_solver.laws import CollisionLaw
 from kinetic_solver.methods.interruption import Interruption
 from kinetic_solver.methods.job import Job, Written
-from kinetic_solver.methods.progress import Progress, telling
+from kinetic_solver.progress import Progress, telling
 from kinetic_solver.scene import Scene, check_is_scene
 
 

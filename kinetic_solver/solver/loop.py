@@ -21,6 +21,7 @@ import numpy as np
 from kinetic_solver.dataset import Recorder
 from kinetic_solver.errors import LostAccuracy, SceneError, SolverStopped, StepTooSmall
 from kinetic_solver.plan import Plan
+from kinetic_solver.progress import Progress
 from kinetic_solver.solver import adaptation
 from kinetic_solver.solver.adaptation import Change, History, Stop
 from kinetic_solver.solver.budgets import Ledger, Mark
@@ -32,8 +33,6 @@ from kinetic_solver.solver.scheme import assemble
 from kinetic_solver.solver.writer import Writer
 from kinetic_solver.stepping import ExactSteps, Stalled, Step
 
-Progress = Callable[[float, float], None]
-"""Called as progress(time, end time)."""
 AfterStep = Callable[["March"], None]
 
 CHECK_EVERY = 10

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import subprocess
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ from kinetic_solver.dataset import STOPPED, open_run, write_dataset
 from particles import simulate
 
 MakeScene = Callable[..., Scene]
+Command = Callable[..., subprocess.CompletedProcess[str]]
 
 
 def test_default_times_share_the_change_equally(make_scene: MakeScene) -> None:
@@ -60,8 +62,6 @@ def test_both_rows_show_the_same_times(make_scene: MakeScene) -> None:
         beside = [line.get_label() for line in titled(figure, "velocity distribution").get_lines() if "t =" in line.get_label()]
         assert [title.removeprefix("f(x, v), ") for title in below] == beside
         assert len(below) == (4 if times is None else len(times))
-    with pytest.raises(SceneError, match=r"^times: 9 of them; allowed: 1 to 8$"):
-        overview(run, [0.1 * n for n in range(9)])
 
 
 def test_fields_are_drawn_through_their_points(make_scene: MakeScene) -> None:
@@ -101,6 +101,41 @@ def test_missing_values_and_wide_temperatures(make_scene: MakeScene) -> None:
     assert np.ma.count_masked(mesh.get_array()) == 2  # x = 0 is drawn at both ends
     assert mesh.norm.vmax == 40.0
     assert isinstance(mesh.norm, LogNorm)
+
+
+def test_more_times_than_fit_into_a_row(make_scene: MakeScene) -> None:
+    """Each of them is drawn, in the order of time; where there are too many, none."""
+    run = solve(make_scene(run={"end_time": 1.5, "output_every": 0.25}, accuracy={"rtol": 1e-2}))
+    titles = [axes.get_title() for axes in overview(run, [1.5, 0.25, 0.5, 1.0, 0.75, 1.25]).axes]
+    expected = [f"f(x, v), t = {time:.3g}" for time in (0.25, 0.5, 0.75, 1.0, 1.25, 1.5)]
+    assert [title for title in titles if title.startswith("f(x, v)")] == expected
+    with pytest.raises(SceneError, match=r"^times: 13 are given; allowed: up to 12 \(a movie has all of them\)$"):
+        overview(run, [0.1 * n for n in range(13)])
+
+
+def test_pictures_are_not_overwritten(make_scene: MakeScene, command: Command, tmp_path: Path) -> None:
+    """By none of the commands that draw; with --overwrite they are."""
+    law = {"operator": "follow-the-leader", "cross_section": 0.9}
+    scene = make_scene(collisions=law, accuracy={"rtol": 1e-2})
+    (tmp_path / "scene.toml").write_text(scene.to_toml(), encoding="utf-8")
+    for name in ("a.nc", "b.nc"):
+        write_dataset(solve(scene), tmp_path / name)
+    commands = {
+        "a.png": ("plot", "a.nc"),
+        "a-b.png": ("compare", "a.nc", "b.nc", "--figure"),
+        "scene-stability.png": ("stability", "scene.toml", "--figure"),
+        "figure_1.png": ("stability", "--figure"),
+        "figure_2.png": ("figure", "2", "--count", "100"),
+    }
+    for picture, arguments in commands.items():
+        (tmp_path / picture).write_text("mine")
+        done = command(*arguments, folder=tmp_path)
+        assert done.returncode == 2
+        assert done.stderr.startswith(f"error: {picture}: exists already; use --overwrite to replace it")
+        assert (tmp_path / picture).read_text() == "mine"
+    for picture in list(commands)[:3]:
+        assert command(*commands[picture], "--overwrite", folder=tmp_path).returncode == 0
+        assert (tmp_path / picture).read_bytes()[:4] == b"\x89PNG"
 
 
 def test_a_file_without_the_fields_is_refused(make_scene: MakeScene) -> None:

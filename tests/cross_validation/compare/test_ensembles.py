@@ -123,7 +123,7 @@ def test_an_ensemble_of_very_few(make_scene: MakeScene, count: int) -> None:
 
 def test_raw_particles_of_a_stopped_run(make_scene: MakeScene) -> None:
     """A cadence of its own has frames to come, which are NaN: those that are there are compared."""
-    scene = make_scene(particles={"count": 3000}, output={"particles": 0.5}, grid=GRID)
+    scene = make_scene(particles={"count": 3000, "replicas": 1}, output={"particles": 0.5}, grid=GRID)
     stopped = ensemble(scene).copy(deep=True)
     assert stopped["position"].dims[0] == "time_particles"
     for name in ("position", "velocity"):
@@ -134,7 +134,11 @@ def test_raw_particles_of_a_stopped_run(make_scene: MakeScene) -> None:
 
 def test_mean_velocities_of_raw_particles_are_relative_to_the_thermal_one(make_scene: MakeScene) -> None:
     scene = make_scene(
-        model={"gravity": 0.0}, initial=HOMOGENEOUS, particles={"count": 20_000}, output={"particles": True}, grid=GRID
+        model={"gravity": 0.0},
+        initial=HOMOGENEOUS,
+        particles={"count": 20_000, "replicas": 1},
+        output={"particles": True},
+        grid=GRID,
     )
     one = ensemble(scene)
     row = next(row for row in compare(one, one).rows if row.field == "mean_velocity")
