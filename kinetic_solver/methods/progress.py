@@ -5,8 +5,9 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from time import monotonic
 from typing import TypeAlias
+
+from kinetic_solver.compiling import monotonic
 
 Progress: TypeAlias = Callable[[float, float], None]
 """Called as progress(time, end time), in the scene's unit of time."""
