@@ -14,6 +14,7 @@ NAMES = (
     "collision_operator",
     "own_laws",
     "linear_step",
+    "long_pipes",
     "work_precision",
     "time_steppers",
     "live_file",
