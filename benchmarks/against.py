@@ -2,10 +2,11 @@
 
     python -m benchmarks.against COMMIT [--rounds N] [--frames N]
 
-COMMIT is checked out into a temporary folder. Whole processes (`run` of shipped scenes, a second run, for the first of each
-keeps its bytecode; a first run of (12), whose loops are not compiled yet) and warm calls of `solve` are timed by turns, this checkout first; a figure is the median of the rounds.
-The answers of both must agree within rtol. With `--frames` one long run of pipe.toml with as many frames goes
-to a file, and one with a tenth of them: seconds, and the peak of memory. The exit code is 1 where a floor below is missed.
+COMMIT is checked out into a temporary folder. Whole processes and warm calls of `solve` are timed by turns, this checkout first:
+`run` of shipped scenes (a second run, for the first of each keeps its bytecode) and a first run of (12), whose loops are not
+compiled yet. A figure is the median of the rounds. The answers of both must agree within rtol. With `--frames` one long run of
+pipe.toml with as many frames goes to a file, and one with a tenth of them: seconds, and the peak of memory. The exit code is 1
+where a floor below is missed.
 """
 
 from __future__ import annotations
