@@ -15,6 +15,7 @@ NAMES = (
     "own_laws",
     "linear_step",
     "transforms",
+    "long_pipes",
     "work_precision",
     "time_steppers",
     "live_file",

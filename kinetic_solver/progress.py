@@ -10,15 +10,16 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from threading import Timer
-from time import monotonic
 from typing import TypeAlias
+
+from kinetic_solver.compiling import monotonic
 
 Progress: TypeAlias = Callable[[float, float], None]
 """Called as progress(time, end time), in the scene's unit of time, or as progress(how many, of how many)."""
 
 SECONDS_BETWEEN_LINES = 10.0
 """Seldom enough for the log of a long run."""
-SECONDS_IN_SILENCE = 2.0
+SECONDS_IN_SILENCE = 5.0
 """After which a person is told that a run is starting; what is refused is refused before, in one line. Chosen."""
 
 log = logging.getLogger(__name__)

@@ -18,6 +18,10 @@ FAILED, WRONG, UNFINISHED, DIFFER, INCONCLUSIVE, INTERRUPTED = 1, 2, 3, 4, 5, 13
 """Exit codes: failed while running; scene or command wrong; stopped early with a checkpoint; compare: the two differ, or cannot
 be judged; Ctrl-C."""
 
+OBJECTS = 20_000
+"""New objects between two looks for circles of them that nobody needs any more. Python's own 700 make it look 100 times while
+modules are loaded, which have none: 0.01 s of a run of (6). Chosen: of a run's own objects so many are a few MB."""
+
 app = typer.Typer(
     name="kinetic-solver",
     help="One-dimensional kinetic equations with friction, noise and collisions.",
@@ -64,12 +68,16 @@ def _without_nan(facts: Any) -> Any:
 
 def main() -> None:
     """Entry point: errors become one line on stderr and an exit code."""
+    import gc
     import os
     import signal
 
+    gc.set_threshold(OBJECTS)
     warnings.showwarning = show_warning  # type: ignore[assignment]
     signal.signal(signal.SIGTERM, _interrupt)
     os.environ["MPLBACKEND"] = "agg"  # pictures are files here, whatever else the environment says
+    # A search of all installed packages for plugins of pydantic, which would have nothing to add here.
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="replace")  # what a terminal cannot show is no reason to fail
@@ -89,6 +97,7 @@ def main() -> None:
         sys.stdout.flush()
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # so that the interpreter, at its end, can flush
+    gc.freeze()  # the process ends: the interpreter need not look for circles among all that was loaded, 0.04 s
     sys.exit(code)
 
 

@@ -6,6 +6,7 @@ kernels that it cannot resolve, and by the schemes that replace them. The rules 
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import dataclass
 
@@ -121,8 +122,14 @@ def _until_faded(model: Model, k: Array, longest: float) -> Array:
     """The longest step that moves waves k: those that noise damps away within it are left out (operators/linear.py)."""
     h = longest * LOOKED_AT
     with np.errstate(divide="ignore"):
-        gone = np.searchsorted(bridge_variances(model, h), 2 * FADED / k**2)
+        gone = np.searchsorted(_bridges(model, longest), 2 * FADED / k**2)
     return np.asarray(h[np.minimum(gone, h.size - 1)])
+
+
+@functools.lru_cache(maxsize=64)
+def _bridges(model: Model, longest: float) -> Array:
+    """`bridge_variances` at these shares of a step. Kept, for the scenes of a sweep have many in common; read only."""
+    return bridge_variances(model, longest * LOOKED_AT)
 
 
 def exact_step_spacing(scales: Scales, waves: Waves, h: float) -> float:

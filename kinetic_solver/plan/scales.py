@@ -105,6 +105,12 @@ class Scales:
         return self.law.cross_section if isinstance(self.law, FollowTheLeader) else 0.0
 
     @property
+    def of_one_shape(self) -> bool:
+        """True where the start is made of Gaussians that are the same at every x, but for their density."""
+        uniform = not (np.ptp(self.mean_velocity, axis=1).any() or np.ptp(self.temperature, axis=1).any())
+        return self.start.gaussian and uniform
+
+    @property
     def thinnest(self) -> float:
         """The least density at the start, over the largest."""
         return float(self.density.min()) / self.rho_max

@@ -265,6 +265,8 @@ class Waves:
     def _spectrum(self, weight: Array) -> Array:
         """Relative amplitudes along x of weight(x)·f."""
         s = self.scales
+        if s.of_one_shape:
+            return relative_amplitudes(weight * s.density)  # f is ρ times what depends on v alone
         reach = s.tail * math.sqrt(float(s.temperature.max()))
         low, high = float(s.mean_velocity.min()) - reach, float(s.mean_velocity.max()) + reach
         count = min(MOST_VELOCITIES, max(VELOCITIES, math.ceil((high - low) / math.sqrt(s.narrowest))))

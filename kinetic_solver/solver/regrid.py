@@ -67,6 +67,8 @@ class ToOutput:
 
     def __init__(self, source: PhaseSpaceGrid, target: PhaseSpaceGrid) -> None:
         self.source, self.target = source, target
+        self._matrix: tuple[tuple[float, float], Array] | None = None
+        """The last that was used, and the velocity and scale of its place: a frame asks twice, and one at rest has but one."""
 
     def __call__(self, f: Array, place: Place) -> Array:
         if self.source == self.target and place.velocity == place.position == 0 and place.scale == 1:
@@ -79,8 +81,10 @@ class ToOutput:
         w = (self.target.v - place.velocity) / place.scale
         inside = (w > self.source.low) & (w < self.source.high)
         result = np.zeros((f.shape[0], w.size))
-        between = through_waves(self.source.v, w[inside], self.source.high - self.source.low)
-        result[:, inside] = f @ between.T / place.scale
+        if self._matrix is None or self._matrix[0] != (place.velocity, place.scale):
+            between = through_waves(self.source.v, w[inside], self.source.high - self.source.low)
+            self._matrix = (place.velocity, place.scale), between.T
+        result[:, inside] = f @ self._matrix[1] / place.scale
         return result
 
     def along_x(self, field: Array, place: Place) -> Array:

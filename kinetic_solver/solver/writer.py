@@ -26,12 +26,15 @@ class Writer:
         self.least = plan.scene.accuracy.rtol
         """Of the largest density: where it is less, mean velocity, temperature and heat flux are missing values."""
         self._places = self._missing = 0
+        self._convert: ToOutput | None = None
 
     def write(self, frame: int, seen: Observation, diagnostics: dict[str, float], shown: Array | None = None) -> None:
         """The frame of this number. `shown`, f on the output's grid, stands for what is seen in the fields."""
         due = self.schedule.due[frame]
         place = seen.plan.reference_frame.place(seen.clock)
-        convert = ToOutput(seen.grid, self.output)
+        if self._convert is None or self._convert.source != seen.grid:
+            self._convert = ToOutput(seen.grid, self.output)
+        convert = self._convert
         in_lab = shown
         if in_lab is None and due & {"f", "moments"}:
             in_lab = convert(seen.f, place)

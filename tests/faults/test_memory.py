@@ -43,3 +43,38 @@ def test_memory_is_flat(make_scene: Callable[..., Scene], tmp_path: Path, method
     finally:
         tracemalloc.stop()
     assert sizes[FRAMES - 1] - sizes[SETTLED] < PER_FRAME * (FRAMES - 1 - SETTLED)
+
+
+MOST_ARRAYS = 30.0
+"""Of the size of f, alive at once: what planning reckons with beside its tables (plan.STATE_ARRAYS)."""
+VELOCITIES = 64
+LAWS: dict[str, dict[str, Any] | None] = {
+    "none": None,
+    "(6)": {"operator": "follow-the-leader", "cross_section": 0.6},
+    "(12)": {"operator": "inelastic", "cross_section": 0.7, "restitution": 0.4},
+}
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.filterwarnings("ignore")
+def test_a_run_holds_so_many_arrays_of_f(make_scene: Callable[..., Scene], tmp_path: Path, law: str) -> None:
+    """By the difference that more points in x make, in which what does not grow with them is not."""
+
+    def peak(nx: int) -> int:
+        scene = make_scene(
+            collisions=LAWS[law],
+            initial={"modes": [{"mode": 1, "cos": 0.3}]},
+            run={"end_time": 0.02, "output_every": 0.01},
+            grid={"nx": nx, "nv": VELOCITIES},
+            accuracy={"rtol": 1e-3},
+        )
+        run_to_file(scene, tmp_path / "first.nc", overwrite=True)  # imports, and what is kept between runs
+        tracemalloc.start()
+        try:
+            run_to_file(scene, tmp_path / "a.nc", overwrite=True)
+            return tracemalloc.get_traced_memory()[1]
+        finally:
+            tracemalloc.stop()
+
+    few, many = 315, 945
+    assert (peak(many) - peak(few)) / (8 * VELOCITIES * (many - few)) < MOST_ARRAYS

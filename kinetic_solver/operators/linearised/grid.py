@@ -169,7 +169,8 @@ class GridLinearisedStep:
         return self._transform.forward(lifted.values * np.exp(phi - phi.max())[:, None]).copy(), mean
 
     def _growing_at(self, mean_density: float) -> LinearStep:
-        return LinearStep(self.grid, self.model, self.drift_diffusion, growth=self.cross_section * mean_density)
+        growth = self.cross_section * mean_density
+        return LinearStep(self.grid, self.model, self.drift_diffusion, growth, self._transform)
 
     def _potential(self, density: Array) -> Array:
         return np.fft.irfft(integral_spectrum(density, self.grid.wavenumbers), n=self.grid.nx)
