@@ -30,6 +30,7 @@ NAMES = (
     "descriptions",
     "particles_speed",
     "time_to_accuracy",
+    "sweeps",
 )
 
 LONG = ("particles_validation", "comparison", "clusters", "long_runs")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import warnings
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -27,7 +27,7 @@ app = typer.Typer(
     help="One-dimensional kinetic equations with friction, noise and collisions.",
     rich_markup_mode=None,
     no_args_is_help=True,
-    add_completion=False,
+    add_completion=True,
     pretty_exceptions_enable=False,
 )
 
@@ -36,6 +36,15 @@ RunPath = Annotated[Path, typer.Argument(metavar="OUT.nc", show_default=False)]
 Numbers = Annotated[Path | None, typer.Option("-o", "--output", metavar="OUT.nc", help="Write the numbers as a dataset too.")]
 Overrides = Annotated[list[str] | None, typer.Option("--set", metavar="a.b=value", help="Override a key of the scene.")]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace an existing output file.")]
+
+
+METHOD_NAMES = ("grid", "exact", "particles", "hydrodynamics")
+"""Keys of `kinetic_solver.methods.METHODS`, which are not to be imported while a shell completes a line."""
+
+
+def completes(*words: str) -> Callable[[str], list[str]]:
+    """For a shell: those of the words that begin as what is typed. The name of the argument is typer's."""
+    return lambda incomplete: [word for word in words if word.startswith(incomplete)]
 
 
 AsJson = Annotated[bool, typer.Option("--json", help="For other programs, as JSON.")]

@@ -10,7 +10,17 @@ from typing import TYPE_CHECKING, Annotated, TextIO
 
 import typer
 
-from kinetic_solver.cli.app import Overrides, Overwrite, ScenePath, exit_codes, load, print_rows, refuse_picture
+from kinetic_solver.cli.app import (
+    METHOD_NAMES,
+    Overrides,
+    Overwrite,
+    ScenePath,
+    completes,
+    exit_codes,
+    load,
+    print_rows,
+    refuse_picture,
+)
 
 if TYPE_CHECKING:
     from kinetic_solver.scene import Scene
@@ -22,14 +32,20 @@ def run(
     method: Annotated[
         str,
         typer.Option(
-            help="grid, exact (the closed form, where there is one), particles, or hydrodynamics (the paper's closure)."
+            help="grid, exact (the closed form, where there is one), particles, or hydrodynamics (the paper's closure).",
+            autocompletion=completes(*METHOD_NAMES),
         ),
     ] = "grid",
     overrides: Overrides = None,
     overwrite: Overwrite = False,
     certified: Annotated[bool, typer.Option("--certify", help="Run again refined; add error bars and observed orders.")] = False,
     file_format: Annotated[
-        str, typer.Option("--format", help="classic, or netcdf4: compressed, once the run has finished.")
+        str,
+        typer.Option(
+            "--format",
+            help="classic, or netcdf4: compressed, once the run has finished.",
+            autocompletion=completes("classic", "netcdf4"),
+        ),
     ] = "classic",
     resume: Annotated[bool, typer.Option("--resume", help="Go on from where the run was stopped.")] = False,
     max_walltime: Annotated[
