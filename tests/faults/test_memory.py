@@ -12,6 +12,8 @@ import pytest
 
 from kinetic_solver import Scene, run_to_file
 from kinetic_solver.methods import METHODS
+from kinetic_solver.plan import make_plan
+from kinetic_solver.solver.scheme import Early
 
 FRAMES, SETTLED = 300, 100
 NX, NV = 9, 64
@@ -82,3 +84,27 @@ def test_a_run_holds_so_many_arrays_of_f(make_scene: Callable[..., Scene], tmp_p
 
     few, many = 315, 945
     assert (peak(many) - peak(few)) / (8 * VELOCITIES * (many - few)) < MOST_ARRAYS
+
+
+def test_frames_too_early_for_the_kernel_leave_no_tables(make_scene: Callable[..., Scene]) -> None:
+    """Each is a step of its own length, on up to nine times the velocities: a table has eighty times the size of a kernel."""
+    scene = make_scene(
+        collisions={"operator": "follow-the-leader", "cross_section": 0.9},
+        initial={"modes": [{"mode": 1, "cos": 0.1}]},
+        grid={"nx": NX, "nv": NV},
+        accuracy={"rtol": 1e-3},
+    )
+    plan = make_plan(scene)
+    early = Early(plan)
+    times = [plan.shortest_step * share for share in (0.02, 0.03, 0.04, 0.05, 0.06)]
+    early(times[0])
+    gc.collect()
+    tracemalloc.start()
+    try:
+        for time in times:
+            early(time)
+        kept = tracemalloc.get_traced_memory()[0]
+    finally:
+        tracemalloc.stop()
+    assert plan.shortest_step > 0
+    assert kept < 8 * NV**2
