@@ -25,7 +25,9 @@ from statistics import median
 from typing import NamedTuple
 
 import numpy as np
+import xarray as xr
 
+from kinetic_solver.arrays import Array
 from kinetic_solver.dataset import open_run, scene_of
 from kinetic_solver.solver.regrid import resize
 
@@ -117,19 +119,25 @@ def peak(folder: Path, *arguments: str) -> tuple[Cost, float]:
 
 
 def agree(ours: Path, theirs: Path) -> None:
-    """Raises AssertionError where density, mean velocity, temperature or f differ by more than both runs' rtol together, each by
-    its maximum as rtol means it. f only where both have the same points: what lies between those of a run is not its promise."""
+    """Raises AssertionError where ∫v^n f dv, n = 0, 1, 2, or f differ by more than both runs' rtol together, over their maxima
+    (∫v f dv over that of ρ√θ, if that is more). The points hold all waves in x of these, whatever their number. f only where both
+    have the same points: what lies between those of a run is not its promise."""
     with open_run(ours) as a, open_run(theirs) as b:
         rtol = scene_of(a).accuracy.rtol
-        speed = np.sqrt(a["temperature"].values.max())
-        sizes = {name: float(np.abs(a[name].values).max()) for name in ("density", "temperature", "mean_velocity")}
-        sizes["mean_velocity"] = max(sizes["mean_velocity"], speed)
-        if a["f"].shape == b["f"].shape and np.array_equal(a["v"], b["v"]):
-            sizes["f"] = float(a["f"].values.max())
-        for name, size in sizes.items():
-            there = resize(b[name].values, a.sizes["x"], axis=1)
-            worst = float(np.abs(a[name].values - there).max()) / size
+        pairs = [("f", a["f"].values, b["f"].values)] if a["f"].shape == b["f"].shape and np.array_equal(a["v"], b["v"]) else []
+        for n, (here, there) in enumerate(zip(raw(a), raw(b), strict=True)):
+            pairs.append((f"moment {n}", here, resize(there, a.sizes["x"], axis=1)))
+        speed = float((a["density"] * np.sqrt(a["temperature"])).max())
+        for name, here, there in pairs:
+            size = max(float(np.abs(here).max()), speed if name == "moment 1" else 0.0)
+            worst = float(np.abs(here - there).max()) / size
             assert worst <= 2 * rtol, f"{name}: differs by {worst:.2g}, more than twice rtol = {rtol:g}"
+
+
+def raw(run: xr.Dataset) -> list[Array]:
+    """∫v^n f dv, n = 0, 1, 2, (time, x) each."""
+    rho, u, theta = (run[name].values for name in ("density", "mean_velocity", "temperature"))
+    return [rho, rho * u, rho * (u**2 + theta)]
 
 
 def rows(other: Path, folder: Path, rounds: int) -> Iterator[tuple[str, list[Cost], list[Cost]]]:

@@ -23,13 +23,16 @@ class _Watch:
         self.depth = 0
         self.since = self.spent = 0.0
 
+    def compiles(self) -> None:
+        if self.aloud:
+            self.aloud = False
+            with suppress(OSError):  # nobody reads any more: no reason to stop a run
+                print(LINE, file=sys.stderr)
+        self.began()
+
     def began(self) -> None:
         if self.depth == 0:
             self.since = time.monotonic()
-            if self.aloud:
-                self.aloud = False
-                with suppress(OSError):  # nobody reads any more: no reason to stop a run
-                    print(LINE, file=sys.stderr)
         self.depth += 1
 
     def ended(self) -> None:
@@ -48,7 +51,7 @@ def watch() -> None:
 
     class Listener(event.Listener):
         def on_start(self, _: object) -> None:
-            _watch.began()
+            _watch.compiles()
 
         def on_end(self, _: object) -> None:
             _watch.ended()
@@ -57,6 +60,16 @@ def watch() -> None:
     # The first is of a function as a whole, the second of a pass over any function, a generalised ufunc among them.
     for kind in ("numba:compile", "numba:run_pass"):
         event.register(kind, listener)
+
+
+@contextmanager
+def getting_ready() -> Iterator[None]:
+    """A context in which a kernel is made: compiled, which is said, or loaded, which is not. Its time is not a run's either."""
+    _watch.began()
+    try:
+        yield
+    finally:
+        _watch.ended()
 
 
 @contextmanager
@@ -70,5 +83,5 @@ def announcing(aloud: bool) -> Iterator[None]:
 
 
 def monotonic() -> float:
-    """Seconds of time.monotonic, without those in which loops were compiled."""
+    """Seconds of time.monotonic, without those in which loops were compiled or loaded."""
     return time.monotonic() - _watch.spent

@@ -102,5 +102,8 @@ class Early:
             known = representation.lifted_start(step)
             self._finer[factor] = (step, step.lift(representation.start()) if known is None else known)
         step, start = self._finer[factor]
+        f = step.lower(step.propagate(start, time), self.plan.waves.blur(time))
+        if isinstance(step, GridLinearisedStep):
+            step.forget()  # every time is asked for once, and tables grow with the square of the points
         # `factor` fine cells make one of the plan's, whose centre is the middle one's.
-        return step.lower(step.propagate(start, time), self.plan.waves.blur(time))[:, factor // 2 :: factor]
+        return f[:, factor // 2 :: factor]

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinetic_solver.arrays import Array
-from kinetic_solver.compiling import watch
+from kinetic_solver.compiling import getting_ready, watch
 from kinetic_solver.threads import over_rows
 
 watch()
@@ -103,7 +103,11 @@ _SHAPES = "(n),(),(s,n),(s,n,l),(s,n),(s,n,p),(z)->(n)"
 @functools.cache
 def _kernel(points: int) -> Any:
     """Of rows of f, for stencils of so many points: compiled when it is first asked for, 0.6 s, and 0.9 s for all three."""
+    with getting_ready():
+        return _made(points)
 
+
+def _made(points: int) -> Any:
     @numba.guvectorize([_SIGNATURE], _SHAPES, nopython=True, cache=True, writable_args=("padded",))
     def row(f, scale, linear, linear_weights, high, high_weights, padded, c):  # type: ignore[no-untyped-def]
         """c, the rate of one row f; the first points of `padded` are zeros."""
