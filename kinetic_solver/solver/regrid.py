@@ -78,7 +78,7 @@ class ToOutput:
         w = (self.target.v - place.velocity) / place.scale
         inside = (w > self.source.low) & (w < self.source.high)
         result = np.zeros((f.shape[0], w.size))
-        result[:, inside] = f @ _interpolation(self.source, w[inside]).T / place.scale
+        result[:, inside] = _interpolated(self.source, f, w[inside]) / place.scale
         return result
 
     def along_x(self, field: Array, place: Place) -> Array:
@@ -91,14 +91,14 @@ class ToOutput:
         return self._along_v(f.sum(axis=0, keepdims=True) * self.source.dx, place)[0]
 
 
-def _interpolation(grid: PhaseSpaceGrid, v: Array) -> Array:
-    """Matrix from values at the grid's velocities to those at v: the trigonometric interpolant of period high - low."""
-    nv, period = grid.nv, grid.high - grid.low
-    waves = np.arange(nv // 2 + 1)
+def _interpolated(grid: PhaseSpaceGrid, f: Array, v: Array) -> Array:
+    """f (…, nv) at the velocities v: the trigonometric interpolant of period high - low."""
+    nv, waves = grid.nv, np.arange(grid.nv // 2 + 1)
     weight = np.full(waves.size, 2.0 / nv)
     weight[0] = 1.0 / nv
     if nv % 2 == 0:
         weight[-1] = 1.0 / nv
-    angle = 2 * np.pi / period * waves
-    there, here = np.exp(1j * np.outer(v, angle)), np.exp(-1j * np.outer(angle, grid.v))
-    return np.asarray(((there * weight) @ here).real)
+    angle = 2 * np.pi / (grid.high - grid.low) * waves
+    spectrum = np.fft.rfft(f, axis=-1) * weight
+    there = np.outer(angle, v - grid.v[0])
+    return np.asarray(spectrum.real @ np.cos(there) - spectrum.imag @ np.sin(there))
