@@ -57,6 +57,7 @@ def describe(scene: ScenePath, overrides: Overrides = None, as_json: AsJson = Fa
     """Print the equation, its groups, the homogeneous state, and the run that would be made."""
     with exit_codes():
         from kinetic_solver.analysis.describe import describe as sections
+        from kinetic_solver.analysis.describe import expected_seconds
         from particles.files import holds_particles
 
         loaded = load(scene, overrides)
@@ -68,7 +69,10 @@ def describe(scene: ScenePath, overrides: Overrides = None, as_json: AsJson = Fa
 
             found.append(("Run as particles (--method particles)", rows_of_particles(make_plan(loaded))))
         if as_json:
-            print_json({title: dict(rows) for title, rows in found})
+            sections_by_title: dict[str, dict[str, str | float]] = {title: dict(rows) for title, rows in found}
+            if not of_particles:
+                sections_by_title["Run on the grid"]["seconds"] = expected_seconds(loaded)
+            print_json(sections_by_title)
             return
         for title, rows in found:
             print(f"\n{title}")

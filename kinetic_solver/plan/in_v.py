@@ -11,6 +11,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kinetic_solver import initial
 from kinetic_solver.arrays import Array
@@ -22,7 +23,7 @@ from kinetic_solver.plan.scales import Scales
 from kinetic_solver.plan.waves import DROPPED, Waves
 from kinetic_solver.scene import Deposit, DriftDiffusionScheme, Model, SteppingScheme
 from kinetic_solver.stability.homogeneous import homogeneous_state
-from kinetic_solver.theory.ornstein_uhlenbeck import bridge_variances, half_transport_time, transition
+from kinetic_solver.theory.ornstein_uhlenbeck import bridge_variance, bridge_variances, half_transport_time, transition
 
 LEAST_POINTS = 8
 """In v: fewer hold no distribution."""
@@ -109,9 +110,18 @@ def narrowest(scales: Scales, waves: Waves, schemes: Schemes) -> Criterion:
     longest = scales.end if schemes.stepping == "exact" else float(np.diff(scales.times).max())
     k, digits = waves.in_play
     model, longest = scales.scene.model, min(longest, schemes.time_step or math.inf)
-    shear = k * np.array([half_transport_time(model.friction, h) for h in _until_faded(model, k, longest).tolist()])
+    moved = _until_faded(model, k, longest)
+    if scales.law is None:
+        # Nothing is looked at before the first frame, and nothing couples: waves that have faded by then are never held.
+        moved[faded_after(model, k, min(longest, float(scales.times[1])))] = 0.0
+    shear = k * np.array([half_transport_time(model.friction, h) for h in moved.tolist()])
     spectrum = float((shear + np.sqrt(2 * digits / scales.theta_min)).max())
     return Criterion(min(math.pi / spectrum, math.sqrt(scales.theta_min) / NARROWEST), "the narrowest velocity distribution")
+
+
+def faded_after(model: Model, k: Array, h: float) -> NDArray[np.bool_]:
+    """Which of the waves k noise has damped away after h."""
+    return np.asarray(k**2 * bridge_variance(model, h) / 2 > FADED)
 
 
 LOOKED_AT = np.geomspace(1e-6, 1.0, 300)
@@ -157,7 +167,7 @@ def tail_weight(scales: Scales) -> float:
     """By how much the finite volumes' error grows with what (6) amplifies."""
     r = scales.amplification if scales.amplifies else 1.0
     strong, exponent = measured.STRONG_AMPLIFICATION
-    return (1 + r**2 + r**3) * math.exp(exponent * max(0.0, r - strong))
+    return (1 + r**2 + r**3) * in_t.grown(exponent * max(0.0, r - strong))
 
 
 def _off_equilibrium(scales: Scales) -> float:
