@@ -11,6 +11,11 @@ import typer
 from kinetic_solver.cli.app import AsJson, Overrides, Overwrite, RunPath, ScenePath, exit_codes, load, print_json, print_rows
 
 
+def beside(run: Path, ending: str) -> Path:
+    """The name of a picture of it. What has no name of its own is no file, and is refused when it is opened."""
+    return run.with_suffix(ending) if run.name else run / f"run{ending}"
+
+
 def plot(
     run: RunPath,
     output: Annotated[Path | None, typer.Option("-o", "--output", metavar="OUT.png", help="Default: OUT.png.")] = None,
@@ -23,7 +28,7 @@ def plot(
         from kinetic_solver.dataset import open_run, refuse_existing
         from kinetic_solver.errors import SceneError
 
-        target = output or run.with_suffix(".png")
+        target = output or beside(run, ".png")
         refuse_existing(target, overwrite)
         try:
             chosen = [float(part) for part in times.split(",")] if times else None
@@ -47,7 +52,7 @@ def animate(
         from kinetic_solver.analysis.animation import save_animation
         from kinetic_solver.dataset import open_run
 
-        target = output or run.with_suffix(".gif")
+        target = output or beside(run, ".gif")
         with open_run(run) as dataset:
             count = save_animation(dataset, target, fps, overwrite, progress=True)
         print(f"wrote {target}: {count} pictures")

@@ -70,7 +70,7 @@ def end(process: subprocess.Popen[str]) -> tuple[int, str]:
 
 
 def of_progress(line: str) -> bool:
-    return " s left" in line or line.strip() == compiling.LINE
+    return " s left" in line or line.strip() in ("starting", compiling.LINE)
 
 
 @pytest.mark.parametrize(

@@ -41,7 +41,9 @@ def test_words(line: str, expected: list[str]) -> None:
 
 
 def test_what_a_shell_is_told() -> None:
-    assert "complete -o default -F _kinetic_solver_completion kinetic-solver" in shell("--show-completion", "bash")
+    """Which shell it is, is found from its processes; here it is named."""
+    told = shell(_KINETIC_SOLVER_COMPLETE="source_bash")
+    assert "complete -o default -F _kinetic_solver_completion kinetic-solver" in told
 
 
 def test_the_names_of_methods() -> None:
