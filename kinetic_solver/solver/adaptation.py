@@ -87,7 +87,9 @@ def enlarged(plan: Plan, problem: Problem, history: History, exact: bool) -> Cha
             return Stop(str(problem))
         happened = problem.message.split(";")[0]
         tried = f" (refining the grid {len(before)} times did not help)" if before else ""
-        return Stop(f"{problem.when}: {happened}{tried}; raise accuracy.rtol, or end the run before (run.end_time)")
+        shorter = "" if plan.inner.grid.time_step is None else "shorten grid.time_step, "
+        remedy = f"{shorter}raise accuracy.rtol, or end the run before (run.end_time)"
+        return Stop(f"{problem.when}: {happened}{tried}; {remedy}")
     try:
         check_memory(larger.memory, grid)
     except SceneError as error:
