@@ -2,7 +2,7 @@
 
     python -m benchmarks [all]
 
-`all` adds the statistical ones and the long runs: ten minutes each, clusters forty.
+`all` adds the statistical ones and the long runs: ten minutes each, clusters forty, random kinds an hour.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ NAMES = (
     "sweeps",
 )
 
-LONG = ("particles_validation", "comparison", "clusters", "long_runs")
+LONG = ("random_kinds", "particles_validation", "comparison", "clusters", "long_runs")
 
 if __name__ == "__main__":
     for name in (*NAMES, *(LONG if sys.argv[1:] == ["all"] else ())):

@@ -143,9 +143,10 @@ def _squarings(plan: Plan) -> float:
 def _frames(plan: Plan) -> float:
     output = plan.output
     size = output.nx * output.nv
-    # In a moving frame f is interpolated to the output's velocities, by cosines and sines of each wave and velocity.
+    # Where the output has other velocities f is interpolated, by cosines and sines of each wave and velocity.
     moved = output.nv * plan.grid.nv * (output.nx * PRODUCT + 2 * ELEMENT)
-    interpolated = moved if plan.reference_frame.moving else 0.0
+    same = (output.nv, output.low, output.high) == (plan.grid.nv, plan.grid.low, plan.grid.high)
+    interpolated = 0.0 if same and not plan.reference_frame.moving else moved
     return len(plan.times) * (FRAME + size * WRITTEN + interpolated)
 
 

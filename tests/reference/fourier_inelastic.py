@@ -29,8 +29,8 @@ REACH = 6.0
 """Standard deviations of the hottest Maxwellian that the window holds about all means: e^-18 = 1.5e-8 of it is beyond."""
 RESOLVED = 6.0
 """Likewise in q, of the coldest."""
-MOST_WORK = 4e10
-"""Multiplications, about: half a minute. More is not tried."""
+MOST_WORK = 1.5e10
+"""Multiplications, about: ten seconds. More is not tried."""
 
 
 class OutOfReach(Exception):
@@ -239,7 +239,7 @@ def solve(scene: Scene, tolerance: float, modes: int = 16, theta_min: float | No
         points = Points(
             points.nx, 2 * math.ceil(finer_v * (points.nv // 2)) + 1, points.centre, points.half, points.longest, points.length
         )
-        frames = integrate(scene, points, tolerance / 10)
+        frames = integrate(scene, points, tolerance / 100)
         in_x, in_v = frames.shortest()
         if max(in_x, in_v) <= tolerance:
             return frames
