@@ -21,7 +21,7 @@ from kinetic_solver.errors import SceneError
 from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.laws import CollisionLaw, check_frequency, check_law
 from kinetic_solver.machine import too_large
-from kinetic_solver.plan import choices, in_hermite, in_t, in_v, in_x, measured
+from kinetic_solver.plan import choices, in_hermite, in_t, in_v, in_x, measured, relaxing
 from kinetic_solver.plan.criterion import Criterion, strictest
 from kinetic_solver.plan.moving_frame import ReferenceFrame
 from kinetic_solver.plan.output import output_grids
@@ -39,11 +39,9 @@ from kinetic_solver.scene import (
 
 CHECKED_VELOCITIES, CHECKED_REACH = 240, 9.5
 """Points, and thermal velocities, on which a law of one's own is looked at before a run: Maxwellians end there to round-off."""
-MEMORY_TIME = 5.0
-"""Relaxation times for which the errors of steps last: exp(-5) of them is left then."""
 STATE_ARRAYS = 30
 """Arrays of the size of f alive at once: the state, its transform, collision stages, diagnostics. Counted, generously."""
-STEP_LENGTHS: Mapping[SteppingScheme, int] = MappingProxyType({"exact": 2, "strang": 2, "extrapolated": 8})
+STEP_LENGTHS: Mapping[SteppingScheme, int] = MappingProxyType({"exact": 2, "strang": 2, "extrapolated": 8, "exponential": 3})
 """Lengths of steps for which tables are kept at a time."""
 
 
@@ -111,18 +109,22 @@ class Plan:
     @property
     def controlled(self) -> bool:
         """True where steps are found while running."""
-        return self.stepping == "extrapolated" and self.scene.grid.time_step is None
+        return self.stepping in ("extrapolated", "exponential") and self.scene.grid.time_step is None
 
     @property
     def integrates(self) -> bool:
         """True where steps have rates to integrate on their way, for the budgets; Strang's have none."""
-        return self.stepping == "extrapolated" and not self.symmetric
+        return self.stepping == "exponential" or (self.stepping == "extrapolated" and not self.symmetric)
 
     @property
     def memory_time(self) -> float:
-        """How long errors last: the run, or a few relaxation times; by the frame's clock."""
-        friction = self.inner.model.friction
-        return min(self.inner.run.end_time, MEMORY_TIME / friction if friction > 0 else math.inf)
+        """How long errors last (`in_t.memory_time`)."""
+        return in_t.memory_time(self.scales)
+
+    @property
+    def first_step(self) -> float:
+        """The longest that error control begins with."""
+        return in_t.first_step(self.scales, self.waves)
 
     @property
     def memory(self) -> int:
@@ -185,7 +187,9 @@ def _make_plan(scene: Scene, known: Mapping[str, str], law: CollisionLaw | None,
     deposit, chosen["deposit"] = choices.deposit(scales)
     drift_diffusion = choices.drift_diffusion(scales, waves)
     time_step, chosen["time_step"] = choices.time_step(scales, waves, stepping, velocity, high - low)
-    shown = _velocities(scales, waves, velocity, in_v.Schemes(stepping, drift_diffusion, deposit, time_step), high - low)
+    # Steps under error control begin with this one, and while waves are to be moved they stay about as short.
+    step = time_step if inner.grid.time_step or time_step is None else min(time_step, in_t.first_step(scales, waves))
+    shown = _velocities(scales, waves, velocity, in_v.Schemes(stepping, drift_diffusion, deposit, step), high - low)
     nv, chosen["nv"] = int(shown.value), chosen.get("nv", shown.reason)
     if choices.hermite_may_pay(scales):
         functions = in_hermite.count(scales, waves)
@@ -196,6 +200,8 @@ def _make_plan(scene: Scene, known: Mapping[str, str], law: CollisionLaw | None,
     choices.warn_of_waves_left_out(scales, waves)
     grid = PhaseSpaceGrid(int(points.value), nv, inner.pipe.length, low, high)
     shortest = 0.0
+    if scales.law is not None and stepping in ("extrapolated", "exponential"):
+        stepping, chosen["stepping"] = relaxing.chosen(scales, grid, velocity, drift_diffusion)
     if stepping == "exact" and velocity == "points" and drift_diffusion == "kernel":
         shortest = in_t.shortest_exact_step(scales, waves, grid)
     elif stepping == "strang":
