@@ -22,6 +22,7 @@ NAMES = (
     "accuracy_rules",
     "accuracy_cost",
     "random_scenes",
+    "steps_error",
     "hard_cases",
     "density_steps",
     "linear_theory",

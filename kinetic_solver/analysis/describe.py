@@ -173,4 +173,8 @@ def _stepping(plan: Plan) -> str:
         return "exact steps: (2) with (6), linearised"
     if plan.stepping == "strang":
         return "Strang splitting, order 2"
-    return "extrapolated Strang splitting, order 8" if plan.symmetric else "extrapolated Lawson-Runge-Kutta method, order 5"
+    if plan.symmetric:
+        return "extrapolated Strang splitting, order 8"
+    exponential = plan.stepping == "exponential"
+    name = "exponential method about the homogeneous state, order 4" if exponential else "Lawson-Runge-Kutta method, order 4"
+    return f"{name}, extrapolated   {plan.reasons.get('stepping', 'as given')}"

@@ -108,9 +108,10 @@ def velocity(scales: Scales) -> VelocityScheme:
         )
     if model.friction * model.noise == 0:
         raise SceneError("grid.velocity = 'hermite': needs friction > 0 and noise > 0; allowed here: 'points'")
-    if scene.grid.stepping == "strang" or scene.grid.drift_diffusion is not None:
+    if scene.grid.stepping in ("strang", "exponential") or scene.grid.drift_diffusion is not None:
         raise SceneError(
-            "grid.velocity = 'hermite': has no 'strang' stepping and no drift_diffusion scheme; remove grid.stepping or "
+            f"grid.velocity = 'hermite': has no '{scene.grid.stepping or 'strang'}' stepping and no drift_diffusion scheme; "
+            "remove grid.stepping or "
             "grid.drift_diffusion, or set grid.velocity = 'points'"
         )
     return name
@@ -135,6 +136,8 @@ def stepping(scales: Scales) -> SteppingScheme:
     if law is None:
         return "exact"
     able = law.name in measured.STRANG_ERROR
+    if given == "exponential" and law.linearises:
+        raise SceneError(f"grid.stepping = 'exponential': operator {law.label} has an exact step; allowed: 'exact'")
     if given == "exact" and not law.linearises:
         allowed = "'extrapolated', 'strang'" if able else "'extrapolated'"
         raise SceneError(f"grid.stepping = 'exact': operator {law.label} has no exact step; allowed: {allowed}")
@@ -183,8 +186,6 @@ def time_step(
     limits = [in_t.longest_gap(scales)]
     if scene.output.budgets is not False and scales.amplifies and velocity == "points":
         limits.append(in_t.budget_step(scales))
-    if not scales.amplifies:
-        limits.append(in_t.longest_believed(scales, waves))
     found = strictest(limits)
     return found.value, "error control; at most " + found.reason
 

@@ -19,7 +19,7 @@ from kinetic_solver import initial
 from kinetic_solver.dataset import VARIABLES
 from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.laws import CollisionLaw, check_frequency, check_law
-from kinetic_solver.plan import choices, in_hermite, in_t, in_v, in_x, limits, measured
+from kinetic_solver.plan import choices, in_hermite, in_t, in_v, in_x, limits, measured, relaxing
 from kinetic_solver.plan.cost import cost
 from kinetic_solver.plan.criterion import Criterion, strictest
 from kinetic_solver.plan.moving_frame import ReferenceFrame
@@ -95,7 +95,9 @@ def _make_plan(scene: Scene, known: Mapping[str, str], law: CollisionLaw | None,
     deposit, chosen["deposit"] = choices.deposit(scales)
     drift_diffusion = choices.drift_diffusion(scales, waves)
     time_step, chosen["time_step"] = choices.time_step(scales, waves, stepping, velocity, high - low)
-    shown = _velocities(scales, waves, velocity, in_v.Schemes(stepping, drift_diffusion, deposit, time_step), high - low)
+    # Steps under error control begin with this one, and while waves are to be moved they stay about as short.
+    step = time_step if inner.grid.time_step or time_step is None else min(time_step, in_t.first_step(scales, waves))
+    shown = _velocities(scales, waves, velocity, in_v.Schemes(stepping, drift_diffusion, deposit, step), high - low)
     nv, chosen["nv"] = int(shown.value), chosen.get("nv", shown.reason)
     if choices.hermite_may_pay(scales):
         functions = in_hermite.count(scales, waves)
@@ -109,12 +111,17 @@ def _make_plan(scene: Scene, known: Mapping[str, str], law: CollisionLaw | None,
     choices.warn_of_waves_left_out(scales, waves)
     grid = PhaseSpaceGrid(int(points.value), nv, inner.pipe.length, low, high)
     shortest = 0.0
+    if scales.law is not None and stepping in ("extrapolated", "exponential"):
+        stepping, chosen["stepping"] = relaxing.chosen(scales, grid, velocity, drift_diffusion)
     if stepping == "exact" and velocity == "points" and drift_diffusion == "kernel":
         shortest = in_t.shortest_exact_step(scales, waves, grid)
     elif stepping == "strang":
         choices.warn_of_a_long_strang_step(scales, waves)
         choices.warn_of_an_unresolved_kernel(scales, grid, time_step, drift_diffusion)
     output, whole = output_grids(replace(grid, nv=int(shown.value)), frame, scales.times, scene)
+    steps = in_t.expected_steps(scales, waves, stepping, time_step)
+    if stepping == "exponential":
+        steps = max(steps, math.ceil(relaxing.exponential_steps(scales)))
     plan = Plan(
         scene,
         here.start,
@@ -131,7 +138,7 @@ def _make_plan(scene: Scene, known: Mapping[str, str], law: CollisionLaw | None,
         deposit,
         time_step,
         shortest,
-        in_t.expected_steps(scales, waves, stepping, time_step),
+        steps,
         in_t.error_share(scales),
         MappingProxyType({name: reason for name, reason in chosen.items() if reason}),
     )

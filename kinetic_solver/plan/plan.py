@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
@@ -26,7 +25,7 @@ from kinetic_solver.scene import (
 
 STATE_ARRAYS = 30
 """Arrays of the size of f alive at once: the state, its transform, collision stages, diagnostics. Counted, generously."""
-STEP_LENGTHS: Mapping[SteppingScheme, int] = MappingProxyType({"exact": 2, "strang": 2, "extrapolated": 8})
+STEP_LENGTHS: Mapping[SteppingScheme, int] = MappingProxyType({"exact": 2, "strang": 2, "extrapolated": 8, "exponential": 3})
 """Lengths of steps for which tables are kept at a time."""
 
 
@@ -94,18 +93,22 @@ class Plan:
     @property
     def controlled(self) -> bool:
         """True where steps are found while running."""
-        return self.stepping == "extrapolated" and self.scene.grid.time_step is None
+        return self.stepping in ("extrapolated", "exponential") and self.scene.grid.time_step is None
 
     @property
     def integrates(self) -> bool:
         """True where steps have rates to integrate on their way, for the budgets; Strang's have none."""
-        return self.stepping == "extrapolated" and not self.symmetric
+        return self.stepping == "exponential" or (self.stepping == "extrapolated" and not self.symmetric)
 
     @property
     def memory_time(self) -> float:
-        """How long errors last: the run, or a few relaxation times; by the frame's clock."""
-        friction = self.inner.model.friction
-        return min(self.inner.run.end_time, in_t.FORGOTTEN / friction if friction > 0 else math.inf)
+        """How long errors last (`in_t.memory_time`)."""
+        return in_t.memory_time(self.scales)
+
+    @property
+    def first_step(self) -> float:
+        """The longest that error control begins with."""
+        return in_t.first_step(self.scales, self.waves)
 
     @property
     def memory(self) -> int:

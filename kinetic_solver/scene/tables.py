@@ -22,7 +22,7 @@ INELASTIC = "inelastic"
 
 Operator = Literal["follow-the-leader", "inelastic"]
 VelocityScheme = Literal["points", "hermite"]
-SteppingScheme = Literal["exact", "extrapolated", "strang"]
+SteppingScheme = Literal["exact", "exponential", "extrapolated", "strang"]
 DriftDiffusionScheme = Literal["kernel", "finite-volume-8", "finite-volume"]
 Deposit = Literal["linear", "cubic", "quintic"]
 
@@ -253,8 +253,8 @@ class Grid(Table):
     velocity: VelocityScheme | None = None
     """How f is held in v: at points (the default; robust), or as nv Hermite functions about the homogeneous state."""
     stepping: SteppingScheme | None = None
-    """How steps in time are made, by default chosen: exact (no collisions, and operator (6)); high order with error control; or
-    Strang's method, order 2."""
+    """How steps in time are made, by default chosen: exact (no collisions, and operator (6)); high order with error control, for
+    operator (12) also about its homogeneous state (exponential); or Strang's method, order 2."""
     drift_diffusion: DriftDiffusionScheme | None = None
     """What friction and noise do between velocity points, by default chosen: the exact Ornstein-Uhlenbeck kernel, or finite
     volumes of order 8 or 2 (positive)."""

@@ -41,7 +41,7 @@ def last_words(scheme: Scheme, estimate: ErrorEstimate, of_steps: float, shortes
             f"{estimate.limited_by()}; refine that, lower accuracy.rtol, or certify the run",
             stacklevel=3,
         )
-    if plan.stepping != "extrapolated" or plan.law is None:
+    if plan.stepping not in ("extrapolated", "exponential") or plan.law is None:
         return
     if plan.symmetric:
         finest = shortest / scheme.stepper.method.counts[-1]  # type: ignore[attr-defined]

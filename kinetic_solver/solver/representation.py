@@ -55,6 +55,10 @@ class Representation(Protocol):
         """(mass, momentum, energy)."""
         ...
 
+    def weights(self) -> Array:
+        """W with state.sum(axis=0) @ W = totals, to rounding; (columns of a state, 3)."""
+        ...
+
     def carried(self, state: Array, grid: PhaseSpaceGrid) -> Array:
         """A state that was held in the same way on this other grid. Mass is kept to round-off."""
         ...
@@ -104,6 +108,10 @@ class VelocityPoints:
 
     def totals(self, state: Array) -> tuple[float, float, float]:
         return totals(self.plan.grid, state)
+
+    def weights(self) -> Array:
+        v = self.plan.grid.v
+        return np.stack([np.ones_like(v), v, v**2 / 2], axis=1) * (self.plan.grid.dx * self.plan.grid.dv)
 
     def carried(self, state: Array, grid: PhaseSpaceGrid) -> Array:
         return regrid(state, grid, self.plan.grid)
@@ -172,6 +180,9 @@ class HermiteCoefficients:
 
     def totals(self, state: Array) -> tuple[float, float, float]:
         return self.basis.totals(state, self.plan.grid.dx)
+
+    def weights(self) -> Array:
+        return np.array([self.basis.totals(unit[None], self.plan.grid.dx) for unit in np.eye(self.basis.count)])
 
     def carried(self, state: Array, grid: PhaseSpaceGrid) -> Array:
         """Functions that are added have the coefficient 0; those that are given up are small, or the run would not."""

@@ -15,11 +15,11 @@ def watched_by(plan: Plan, representation: Representation) -> Watched | None:
     None where no budgets are written, and where the method has no rates."""
     if plan.scene.output.budgets is False or not plan.integrates:
         return None
-    frame = plan.reference_frame
+    frame, weights = plan.reference_frame, representation.weights()
 
     def quantities(state: Array, rate: Array, clock: float) -> Array:
+        totals, rates = (np.stack([state.sum(axis=0), rate.sum(axis=0)]) @ weights).tolist()
         place = frame.place(clock)
-        _, p, energy = place.totals(representation.totals(state))
-        return np.array([p, energy, *place.rates(representation.totals(rate)[1:])]) / place.scale
+        return np.array([*place.totals(totals)[1:], *place.rates(rates[1:])]) / place.scale
 
     return quantities

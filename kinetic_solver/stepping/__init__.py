@@ -8,6 +8,7 @@ Two base methods, `strang` for collisions that have an exact substep and `lawson
 from kinetic_solver.stepping.controlled import Controlled, Fixed, Pace
 from kinetic_solver.stepping.drive import advance
 from kinetic_solver.stepping.exact_steps import Chain, ExactStep, ExactSteps, Link, Plain
+from kinetic_solver.stepping.exponential import krogstad
 from kinetic_solver.stepping.methods import Extrapolated, lawson, strang
 from kinetic_solver.stepping.protocol import BaseMethod, Integral, Rate, Stalled, Step, Stepper, Substep, Watched, count_of
 
@@ -31,6 +32,7 @@ __all__ = [
     "Watched",
     "advance",
     "count_of",
+    "krogstad",
     "lawson",
     "strang",
 ]

@@ -39,9 +39,11 @@ class Pace:
 
 
 class Controlled:
-    """As few steps as keep the estimated error of each below tolerance(f)·(its length).
+    """As few steps as keep the estimated error of each below tolerance(f)·(its length), or that of a step of length `memory`,
+    in which errors are forgotten.
 
-    Lengths are the interval over powers of two, so that substeps build few tables, and at most `longest`.
+    Lengths are the interval over powers of two, so that substeps build few tables, and at most `longest`. The `first` step is no
+    longer than the estimate can be believed in a state of which nothing is known; what follows is at most twice as long each.
     Orders: those of the method. Test: tests/convergence/test_stepping.py.
     """
 
@@ -51,26 +53,33 @@ class Controlled:
         tolerance: Callable[[Array], float],
         longest: float = math.inf,
         watched: Watched | None = None,
+        first: float = math.inf,
+        memory: float = math.inf,
+        stable: Callable[[Array], float] = lambda f: math.inf,
     ) -> None:
-        """What is `watched` is integrated over every step."""
+        """What is `watched` is integrated over every step. No step is longer than `stable(f)`: beyond it what is too small to be
+        estimated grows unseen."""
         self.method = method
         self.tolerance = tolerance
         self.longest = longest
         self.watched = watched
+        self.first = min(first, longest)
+        self.memory = memory
+        self.stable = stable
         self.order, self.error_order = method.order, method.error_order
 
     def begin(self, state: Array, time: float) -> Pace:
-        return Pace(self.longest)
+        return Pace(self.first)
 
     def step(self, state: Array, memory: Pace, start: float, interval: float) -> Step | Stalled:
-        shallowest = _level(interval, self.longest)
+        shallowest = _level(interval, min(self.longest, self.stable(state)))
         level = max(shallowest, _level(interval, memory.length)) if memory.level is None else memory.level
         limit, failed, useless = memory.limit, memory.failed, memory.useless
         while True:
             h = interval / 2**level
             integral = _integral(self.watched, start + interval * (memory.place / 2**DEEPEST))
             new, error = self.method.step(state, h, integral)
-            allowed = self.tolerance(state) * h
+            allowed = self.tolerance(state) * min(h, self.memory)
             excess = error / allowed if math.isfinite(error) else math.inf  # a NaN is no small error
             useless = useless + 1 if SAME[0] * failed < excess < SAME[1] * failed < math.inf else 0
             if excess <= limit:

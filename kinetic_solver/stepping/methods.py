@@ -61,21 +61,26 @@ class Extrapolated:
 
     One error term h^p less for every count after the first. Strang's method with counts (1, 2, 3, 4) has order 8, Lawson's with
     (1, 2) order 5; with one count the base method is taken as it is. Positivity is lost by terms of the order of the error.
-    Orders, two-sided: tests/convergence/test_stepping.py.
+
+    What results without the last cancellation differ by belongs to the order below. With a `gain` G the error of the best result
+    is estimated instead: a step that errs by e h^(p+1) without it, over max f, errs by about G e^((p+2)/(p+1)) with it.
+    Orders, two-sided, and that estimate: tests/convergence/test_stepping.py.
     """
 
-    def __init__(self, base: BaseMethod, counts: Sequence[int] = (1,)) -> None:
+    def __init__(self, base: BaseMethod, counts: Sequence[int] = (1,), gain: float | None = None) -> None:
         self.base = base
         self.counts = tuple(counts)
+        self.gain = gain
         powers = [base.order + base.stride * n for n in range(len(self.counts) - 1)]
         self.order = base.order + base.stride * len(powers)
-        self.error_order = powers[-1] if powers else None
-        """Of the error that `step` estimates: that of the result without the last cancellation."""
+        self._below = powers[-1] if powers else None
+        self.error_order = self.order if powers and gain is not None else self._below
+        """Of the error that `step` estimates: that of the result without the last cancellation, or with a gain its own."""
         self._weights = _weights(self.counts, powers)
         self._lower = np.append(0.0, _weights(self.counts[1:], powers[:-1])) if powers else self._weights
 
     def step(self, f: Array, h: float, integral: Integral | None = None) -> tuple[Array, float]:
-        """(f after h, the estimated max|error| of the next lower order; 0 where nothing is extrapolated).
+        """(f after h, the estimated max|error|, without a gain that of the next lower order; 0 where nothing is extrapolated).
 
         What is watched is added to `integral`, extrapolated likewise.
         """
@@ -90,7 +95,11 @@ class Extrapolated:
             lower += (weight - low) * correction
             if integral is not None and coarser is not None:
                 integral.value = integral.value + weight * (coarser.value - watched)
-        return best, float(np.abs(lower).max())
+        error = float(np.abs(lower).max())
+        if self.gain is not None and self._below is not None:
+            top = float(np.abs(f).max())
+            error = self.gain * top * (error / top) ** ((self.order + 1) / (self._below + 1))
+        return best, error
 
 
 def _weights(counts: Sequence[int], powers: Sequence[int]) -> Array:

@@ -156,7 +156,7 @@ def test_a_run_shrinks_its_grid(make_scene: MakeScene, case: str) -> None:
     coordinates_are_the_plans(scene, found)
     points = [nx * nv for nx, nv in grids(found)]
     assert points == sorted(points, reverse=True)
-    assert len(points) > 2
+    assert len(points) > 1
     assert points[-1] < points[0] / 5
     assert abs(found["mass"] / found["mass"][0] - 1).max() < 1e-12
     assert of_f(found, truth_of(scene, found)) < scene.accuracy.rtol

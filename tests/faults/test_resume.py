@@ -46,6 +46,7 @@ CASES: dict[str, dict[str, Any]] = {
         "accuracy": COARSE,
     },
     "(12)": {"collisions": INELASTIC},
+    "(12), about the homogeneous state": {"collisions": INELASTIC, "grid": {"stepping": "exponential"}},
     "(12), no budgets": {"collisions": INELASTIC, "output": {"budgets": False}},
     "(12), Strang": {"collisions": INELASTIC, **STRANG},
     "(12), Hermite": {"collisions": INELASTIC, "grid": {"velocity": "hermite"}},
