@@ -8,10 +8,12 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Callable
+from dataclasses import replace
 
 from kinetic_solver import initial
 from kinetic_solver.errors import SceneError
 from kinetic_solver.grid import PhaseSpaceGrid
+from kinetic_solver.laws import Inelastic
 from kinetic_solver.operators.collisions import has_deposit, has_hermite
 from kinetic_solver.operators.velocity.kernel import resolved_spacing
 from kinetic_solver.plan import in_t, in_v, in_x, measured
@@ -20,9 +22,11 @@ from kinetic_solver.plan.moving_frame import ReferenceFrame
 from kinetic_solver.plan.scales import Scales
 from kinetic_solver.plan.waves import Waves
 from kinetic_solver.scene import Deposit, DriftDiffusionScheme, Scene, SteppingScheme, VelocityScheme
+from kinetic_solver.stability.scaling import MOST_ELASTIC, cooling_state
 
 WORTH_MOVING = 1.5
-"""How many times narrower a moving frame must make the window: frames are interpolated then. Chosen."""
+"""How many times narrower a moving frame must make the window: frames are interpolated then. And how many times slower a cooling
+gas must become for one whose velocities shrink. Chosen."""
 FINITE_VOLUMES_COARSER = 4.0
 """How many times the dv of the kernel finite volumes of order 8 must allow, to take its place. Chosen: they are less accurate."""
 JUMP_IN_THE_LOCAL_GAUGE = 1e-4
@@ -72,12 +76,14 @@ def check_given(scales: Scales) -> None:
 
 def reference_frame(scales: Scales, clocked: Callable[[ReferenceFrame], Scales]) -> tuple[ReferenceFrame, Scales]:
     """The frame to solve in, and the scales there: a moving one where gravity would ask for a much wider window, or friction
-    without noise for an ever finer dv. `clocked` gives the scales in a frame."""
+    without noise, or collisions without friction and noise, for an ever finer dv. `clocked` gives the scales in a frame."""
     scene, given = scales.scene, scales.scene.grid
     rest = ReferenceFrame(scene.model)
     if given.nv or given.velocity_window or given.velocity == "hermite" or scene.initial.file or scene.output.moment_equations:
         return rest, scales
     moving = ReferenceFrame(scene.model, moving=True, start=scales.start.mean_velocity)
+    if moving.noiseless and (cooling := cooling_frame(scales, moving)) is not None:
+        return cooling, clocked(cooling)
     if moving.noiseless:
         return (moving, clocked(moving)) if scales.shifted else (rest, scales)
     there = clocked(moving)
@@ -87,6 +93,18 @@ def reference_frame(scales: Scales, clocked: Callable[[ReferenceFrame], Scales])
     if here_window.width > WORTH_MOVING * there_window.width or outside:
         return moving, there
     return rest, scales
+
+
+def cooling_frame(scales: Scales, moving: ReferenceFrame) -> ReferenceFrame | None:
+    """The frame whose velocities shrink as those of a homogeneous gas of (12) do in the end; None where it would not pay."""
+    law, scene = scales.law, scales.scene
+    if not isinstance(law, Inelastic) or not scales.start.homogeneous or scene.grid.time_step or law.restitution > MOST_ELASTIC:
+        return None
+    unit = math.sqrt(scales.start.temperature)
+    rate = cooling_state(law.restitution).cooling_rate * law.cross_section * scene.initial.density * unit
+    if rate * scales.whole.drift_time < WORTH_MOVING - 1:
+        return None
+    return replace(moving, cooling=rate, unit=unit)
 
 
 def velocity(scales: Scales) -> VelocityScheme:

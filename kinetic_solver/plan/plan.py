@@ -116,8 +116,8 @@ class Plan:
     @property
     def memory_time(self) -> float:
         """How long errors last: the run, or a few relaxation times; by the frame's clock."""
-        friction = self.inner.model.friction
-        return min(self.inner.run.end_time, MEMORY_TIME / friction if friction > 0 else math.inf)
+        rate = self.scales.forgetting
+        return min(self.inner.run.end_time, MEMORY_TIME / rate if rate > 0 else math.inf)
 
     @property
     def memory(self) -> int:
