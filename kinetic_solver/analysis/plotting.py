@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from kinetic_solver.analysis.drawing import save, shades
 from kinetic_solver.arrays import Array
-from kinetic_solver.dataset import scene_of
+from kinetic_solver.dataset import scene_of, velocity_axis
 from kinetic_solver.errors import SceneError
 from kinetic_solver.scene import INELASTIC, Scene
 from kinetic_solver.scene.cadence import SAME_TIME
@@ -24,6 +24,8 @@ LIGHTEST = 0.85
 """Shade of the curve at the last time."""
 MOST_FRAMES = 400
 """Frames between which it is seen how much a field changes. Chosen: four of them are shown."""
+SCALED_LABELS = {"xlabel": "scaled velocity (v − u)/s", "ylabel": "s w(v, t)"}
+"""Of a run that cools (dataset/scaled.py)."""
 MOST_ROWS, MOST_COLUMNS = 1000, 1000
 """Of a map of colours: its axes have some 800 dots."""
 
@@ -173,6 +175,8 @@ def _temperature_history(axes: Any, dataset: xr.Dataset) -> None:
     axes.set(xlabel="time t", ylabel="temperature θ", title="temperature θ(t)")
     if theta.min() > 0 and theta.max() > 30 * theta.min():
         axes.set(yscale="log")
+        if velocity_axis(dataset) != "v" and t.size > 2:
+            axes.set(xscale="log", xlim=(t[1], t[-1]))  # it cools as 1/t²
     else:
         axes.set_ylim(0, 1.05 * axes.get_ylim()[1])
     axes.grid(alpha=0.3)
@@ -191,7 +195,8 @@ def _density_profiles(axes: Any, dataset: xr.Dataset, shown: list[int]) -> None:
 
 
 def _velocity_distribution(axes: Any, dataset: xr.Dataset, shown: list[int]) -> None:
-    t, v = _times(dataset, "velocity_distribution"), dataset["v"].values
+    over = velocity_axis(dataset)
+    t, v = _times(dataset, "velocity_distribution"), dataset[over].values
     w = {n: _frame(dataset, "velocity_distribution", n) for n in shown}
     dv = v[1] - v[0]
     top = max(float(values.max()) for values in w.values())
@@ -205,13 +210,14 @@ def _velocity_distribution(axes: Any, dataset: xr.Dataset, shown: list[int]) -> 
         axes.plot(fine, gaussian, color=colour, lw=1, ls=(0, (3, 2)))
     axes.plot([], [], color="0.4", lw=1, ls=(0, (3, 2)), label="Gaussian, same moments")
     visible = v[np.any([values > 1e-3 * top for values in w.values()], axis=0)]
-    axes.set(xlabel="v", ylabel="w(v, t)", title="velocity distribution", xlim=(visible[0], visible[-1]), ylim=(0, None))
+    labels = {"xlabel": "v", "ylabel": "w(v, t)"} if over == "v" else SCALED_LABELS
+    axes.set(**labels, title="velocity distribution", xlim=(visible[0], visible[-1]), ylim=(0, None))
     _legend_below(axes, len(shown) + 1)
 
 
 def _phase_space(figure: Any, dataset: xr.Dataset, times: Sequence[float] | None) -> None:
     shown = _frames(dataset, "f", times)
-    t, v = _times(dataset, "f"), dataset["v"].values
+    t, v = _times(dataset, "f"), dataset[velocity_axis(dataset)].values
     frames = []
     for n in shown:
         x, f = _fine_x(_frame(dataset, "f", n), _period(dataset), axis=0)
@@ -224,5 +230,5 @@ def _phase_space(figure: Any, dataset: xr.Dataset, times: Sequence[float] | None
     for axes, n, f in zip(panels, shown, frames, strict=True):
         mesh = axes.pcolormesh(x, fine, f.T, cmap="magma", shading="gouraud", vmin=0, vmax=top, rasterized=True)
         axes.set(xlabel="x", title=f"f(x, v), t = {t[n]:.3g}", xlim=(0, x[-1]), ylim=(fine[visible[0]], fine[visible[-1]]))
-    panels[0].set_ylabel("velocity v")
+    panels[0].set_ylabel("velocity v" if velocity_axis(dataset) == "v" else SCALED_LABELS["xlabel"])
     figure.colorbar(mesh, ax=panels, pad=0.01, aspect=30)

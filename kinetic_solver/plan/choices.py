@@ -95,11 +95,25 @@ def reference_frame(scales: Scales, clocked: Callable[[ReferenceFrame], Scales])
     return rest, scales
 
 
+def may_scale(scene: Scene) -> bool:
+    """Whether a homogeneous start would cool in scaled velocities: (12) without noise, and nothing said of the grid."""
+    law, given, model = scene.law, scene.grid, scene.model
+    said = (given.nv, given.velocity_window, given.velocity, given.time_step, given.stepping, given.drift_diffusion)
+    return (
+        isinstance(law, Inelastic)
+        and law.restitution <= MOST_ELASTIC
+        and model.friction * model.noise == 0
+        and not any(said)
+        and not scene.output.moment_equations
+    )
+
+
 def cooling_frame(scales: Scales, moving: ReferenceFrame) -> ReferenceFrame | None:
     """The frame whose velocities shrink as those of a homogeneous gas of (12) do in the end; None where it would not pay."""
     law, scene = scales.law, scales.scene
-    if not isinstance(law, Inelastic) or not scales.start.homogeneous or scene.grid.time_step or law.restitution > MOST_ELASTIC:
+    if not may_scale(scene) or not scales.start.homogeneous:
         return None
+    assert isinstance(law, Inelastic)
     unit = math.sqrt(scales.start.temperature)
     rate = cooling_state(law.restitution).cooling_rate * law.cross_section * scene.initial.density * unit
     if rate * scales.whole.drift_time < WORTH_MOVING - 1:

@@ -23,6 +23,10 @@ NOISELESS_DEPOSIT = 3.0
 """How many times larger that error is where noise hardly acts, and nothing smooths what collects within dv of the mean velocity.
 benchmarks/hard_cases.py, free cooling."""
 
+COOLING_DEPOSIT = 20.0
+"""Likewise in a frame that follows a cooling gas, so that what the run estimates of it, on three scenes of ε = 0, 0.5, 0.9 at rtol
+from 1e-4 to 1e-7, asks for no finer dv while running."""
+
 # -- drift-diffusion
 
 FINITE_VOLUME_ERROR: Mapping[DriftDiffusionScheme, tuple[float, int]] = MappingProxyType(

@@ -146,9 +146,11 @@ def make_plan(scene: Scene, law: CollisionLaw | None = None, given: initial.Give
     start = None
     if given is not None:
         scene, start = initial.take(scene, given)
-    if scene.initial.file is not None:
-        scene, reasons = _on_the_files_grid(scene)
     try:
+        if scene.initial.file is not None:
+            if (plan := _cooling_from_a_file(scene, law)) is not None:
+                return plan
+            scene, reasons = _on_the_files_grid(scene)
         return _make_plan(scene, reasons, law, start)
     except (OverflowError, ZeroDivisionError) as error:
         groups = scene.groups
@@ -175,6 +177,8 @@ def _make_plan(scene: Scene, known: Mapping[str, str], law: CollisionLaw | None,
     frame, scales = choices.reference_frame(here, clocked)
     waves, inner = Waves(scales), scales.scene
     chosen: dict[str, str | None] = dict(known)
+    if frame.cooling > 0:
+        chosen["reference_frame"] = f"the frame's velocities shrink with the gas, by 1 + {frame.cooling:.3g} t: it cools freely"
     velocity, stepping = choices.velocity(scales), choices.stepping(scales)
     low, high = inner.grid.velocity_window or _window(scales, chosen)
     deposit, chosen["deposit"] = choices.deposit(scales)
@@ -219,6 +223,14 @@ def _make_plan(scene: Scene, known: Mapping[str, str], law: CollisionLaw | None,
     )
     check_memory(plan)
     return plan
+
+
+def _cooling_from_a_file(scene: Scene, law: CollisionLaw | None) -> Plan | None:
+    """Of a gas that has cooled, and goes on cooling in scaled velocities; None for other starts, which keep the file's grid."""
+    if not choices.may_scale(scene) or (found := initial.of_file(scene)) is None:
+        return None
+    plan = _make_plan(found[0], {}, law, found[1])
+    return replace(plan, scene=scene) if plan.reference_frame.cooling > 0 else None
 
 
 def _check(law: CollisionLaw, scales: Scales) -> None:

@@ -11,7 +11,8 @@ import numpy as np
 import xarray as xr
 
 from kinetic_solver.analysis.resampling import resample
-from kinetic_solver.dataset import STOPPED, attributes, open_run
+from kinetic_solver.dataset import STOPPED, attributes, in_velocities, open_run, velocity_axis
+from kinetic_solver.dataset.schema import ORIGIN, SCALE, SCALED
 from kinetic_solver.errors import SceneError
 from kinetic_solver.machine import too_large
 from kinetic_solver.scene import Scene
@@ -34,7 +35,7 @@ def combined(scene: Scene, values: Mapping[str, Sequence[Any]], points: Sequence
     if not there:
         raise SceneError(f"sweep: every point has failed; the first: {points[0].error}")
     there = _on_one_grid(there)
-    bounds = {name: there[0][name] for name in ("x_bounds", "v_bounds") if name in there[0]}
+    bounds = {name: there[0][name] for name in ("x_bounds", "v_bounds", f"{SCALED}_bounds") if name in there[0]}
     status = [int(run["status"]) for run in there]
     there = [run.drop_vars([*bounds, "status"]) for run in there]
     needed = sum(there[0][name].nbytes for name in there[0].data_vars) * len(points) * 2
@@ -70,6 +71,8 @@ def _opened(point: Point) -> xr.Dataset | None:
         return None
     with open_run(point.file) as run:
         found = run.load()
+    # The scales of scaled velocities are fields: every point has its own.
+    found = found.reset_coords([name for name in found.coords if str(name).startswith((SCALE, ORIGIN))])
     return found.drop_dims("v") if found.sizes.get("v") == 1 else found
 
 
@@ -83,18 +86,30 @@ def _axis(listed: Sequence[Any]) -> np.ndarray:
 def _on_one_grid(runs: list[xr.Dataset]) -> list[xr.Dataset]:
     nx = max(run.sizes["x"] for run in runs)
     runs = [run if run.sizes["x"] == nx else resample(run, nx=nx) for run in runs]
-    if any("v" in run.dims for run in runs):
+    if not all(SCALED in run.dims for run in runs):
+        runs = [_over_v(run, runs) for run in runs]
+    if any(velocity_axis(run) in run.dims for run in runs):
         runs = _on_one_window(runs)
     lengths = {_length(run) for run in runs}
     if len(lengths) > 1:
         runs = [_over_length(run) for run in runs]
     first = runs[0]
-    axes = {name: first[name] for name in ("x", "v") if name in first.coords}
+    axes = {name: first[name] for name in ("x", velocity_axis(first)) if name in first.coords}
     return [run.assign_coords(axes) for run in runs]
 
 
+def _over_v(run: xr.Dataset, runs: list[xr.Dataset]) -> xr.Dataset:
+    """A run over scaled velocities over the v of one that is not, where not all are."""
+    if SCALED not in run.dims:
+        return run
+    other = next(other for other in runs if SCALED not in other.dims)
+    scales = [name for name in run.data_vars if str(name).startswith((SCALE, ORIGIN))]
+    found = in_velocities(run.set_coords(scales), other["v"].values)
+    return found.assign(v_bounds=other["v_bounds"])
+
+
 def _on_one_window(runs: list[xr.Dataset]) -> list[xr.Dataset]:
-    bounds = [run["v_bounds"].values for run in runs]
+    bounds = [run[f"{velocity_axis(run)}_bounds"].values for run in runs]
     windows = {(float(edges[0, 0]), float(edges[-1, 1]), len(edges)) for edges in bounds}
     if len(windows) == 1:
         return runs
