@@ -57,7 +57,7 @@ def summary(dataset: xr.Dataset) -> list[str]:
         v = dataset[over].values
         if v.size > 1:
             lines.append(f"grid        nx = {dataset.sizes['x']}, nv = {v.size}")
-            scaled = " √θ, in scaled velocities" if over != "v" else ""
+            scaled = ", in scaled velocities" if over != "v" else ""
             lines.append(f"velocities  {v[0]:.5g} to {v[-1]:.5g}{scaled}")
         else:
             lines.append(f"grid        nx = {dataset.sizes['x']}")

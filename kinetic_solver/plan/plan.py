@@ -178,7 +178,7 @@ def _make_plan(scene: Scene, known: Mapping[str, str], law: CollisionLaw | None,
     waves, inner = Waves(scales), scales.scene
     chosen: dict[str, str | None] = dict(known)
     if frame.cooling > 0:
-        chosen["reference_frame"] = f"the frame's velocities shrink with the gas, by 1 + {frame.cooling:.3g} t: it cools freely"
+        chosen["reference_frame"] = f"the frame's velocities shrink with the gas, by 1 + {frame.cooling:.3g} t: it cools"
     velocity, stepping = choices.velocity(scales), choices.stepping(scales)
     low, high = inner.grid.velocity_window or _window(scales, chosen)
     deposit, chosen["deposit"] = choices.deposit(scales)

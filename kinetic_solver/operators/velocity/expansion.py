@@ -37,4 +37,5 @@ class Expansion:
         weight[q * factor > q[-1]] = 0.0
         kernel = (np.exp(1j * np.outer(grid.v, q)) * weight @ np.exp(-1j * factor * np.outer(q, grid.v))).real
         kernel = with_unit_columns(kernel)
-        return np.asarray(kernel - np.outer(self._tilt, grid.v @ kernel))
+        wanted = factor * grid.v if grid.nx > 1 else 0.0
+        return np.asarray(kernel - np.outer(self._tilt, grid.v @ kernel - wanted))
