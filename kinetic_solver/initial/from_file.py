@@ -109,8 +109,8 @@ def read_state(scene: Scene) -> Points:
 
 
 def _last(f: xr.DataArray, where: str) -> tuple[Array, xr.DataArray, list[str], list[str]]:
-    """(f (x, v) of the last frame that is there, itself, what was read in words, what was left out). A run that was stopped leaves NaN in
-    the frames to come, and those alone are passed over."""
+    """(f (x, v) of the last frame that is there, itself, what was read in words, what was left out). A run that was
+    stopped leaves NaN in the frames to come, and those alone are passed over."""
     if f.dtype.kind not in "fiu":
         raise SceneError(f"{where}: its f is of type {f.dtype}; allowed: real numbers")
     times = [dim for dim in f.dims if str(dim).startswith("time")]

@@ -24,8 +24,8 @@ NOISELESS_DEPOSIT = 3.0
 benchmarks/hard_cases.py, free cooling."""
 
 COOLING_DEPOSIT = 20.0
-"""Likewise in a frame that follows a cooling gas, so that what the run estimates of it, on three scenes of ε = 0, 0.5, 0.9 at rtol
-from 1e-4 to 1e-7, asks for no finer dv while running."""
+"""Likewise in a frame that follows a cooling gas: for ε = 0, 0.5, 0.9 and rtol from 1e-4 to 1e-7 what a run estimates of it asks
+for no finer dv then."""
 
 # -- drift-diffusion
 

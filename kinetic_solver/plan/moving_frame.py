@@ -103,10 +103,8 @@ class ReferenceFrame:
             speeds = (u0, u0 * middle.decay + middle.velocity_shift, u0 * step.decay + step.velocity_shift)
             return x, time / 12 * (speeds[0] ** 2 + 4 * speeds[1] ** 2 + speeds[2] ** 2)
         terminal, faster = g / gamma, u0 - g / gamma
-        squared = (
-            terminal**2 * time + 2 * terminal * faster * step.drift_time - faster**2 * math.expm1(-2 * gamma * time) / (2 * gamma)
-        )
-        return x, squared / 2
+        of_faster = -(faster**2) * math.expm1(-2 * gamma * time) / (2 * gamma)
+        return x, (terminal**2 * time + 2 * terminal * faster * step.drift_time + of_faster) / 2
 
     def scene(self, scene: Scene) -> Scene:
         """`scene` as it looks in this frame, by this frame's clock."""

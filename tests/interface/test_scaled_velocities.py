@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -149,10 +149,10 @@ def test_a_run_goes_on_from_one(make_scene: MakeScene, run: xr.Dataset, tmp_path
 
 
 def test_sweeps_keep_every_points_scale(make_scene: MakeScene) -> None:
-    found = sweep(cooling(make_scene), {"collisions.restitution": [0.2, 0.7]})
+    with ThreadPoolExecutor(1) as pool:
+        found = sweep(cooling(make_scene), {"collisions.restitution": [0.2, 0.7]}, executor=pool)
+        values = {"model.noise": [0.0, 0.4], "model.friction": [0.5]}
+        mixed = sweep(cooling(make_scene, run={"end_time": 3.0}), values, executor=pool)
     assert found["velocity_scale"].dims == ("collisions.restitution", "time")
     assert float(found["velocity_scale"][0, -1]) < float(found["velocity_scale"][1, -1])
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        mixed = sweep(cooling(make_scene, run={"end_time": 6.0}), {"model.noise": [0.0, 0.4], "model.friction": [0.5]})
     assert mixed["f"].dims[-1] == "v"

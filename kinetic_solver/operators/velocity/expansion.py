@@ -12,10 +12,11 @@ from kinetic_solver.operators.velocity.kernel import with_unit_columns
 
 
 class Expansion:
-    """Solves ∂f/∂t + κ ∂(vf)/∂v = 0: f(v) → f(v e^(-κh)) e^(-κh), for f of mean velocity 0, exact for what the points resolve.
+    """Solves ∂f/∂t + κ ∂(vf)/∂v = 0: f(v) → f(v e^(-κh)) e^(-κh), exact for what the points resolve.
 
-    Mass is conserved to round-off, and the mean stays 0: an expansion would let that of rounding errors grow without bound. What
-    leaves the window comes back at the other edge. Tests: tests/invariants/test_velocity.py, tests/exact/test_cooling.py.
+    Mass is conserved to round-off. So is momentum where f depends on x: it grows as the velocities do. Where it does not, the
+    mean velocity in this frame is 0, and is kept there: that of rounding errors would grow without bound. What leaves the window
+    comes back at the other edge. Tests: tests/invariants/test_velocity.py, tests/exact/test_cooling.py.
     """
 
     def __init__(self, grid: PhaseSpaceGrid, rate: float, variance: float) -> None:
