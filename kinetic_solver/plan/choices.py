@@ -8,28 +8,22 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Callable
-from dataclasses import replace
 
 from kinetic_solver import initial
 from kinetic_solver.errors import SceneError
 from kinetic_solver.grid import PhaseSpaceGrid
-from kinetic_solver.laws import Inelastic
 from kinetic_solver.operators.collisions import has_deposit, has_hermite
 from kinetic_solver.operators.velocity.kernel import resolved_spacing
 from kinetic_solver.plan import in_t, in_v, in_x, measured
+from kinetic_solver.plan.cooling import cooling_frame
 from kinetic_solver.plan.criterion import strictest
 from kinetic_solver.plan.moving_frame import ReferenceFrame
 from kinetic_solver.plan.scales import Scales
 from kinetic_solver.plan.waves import Waves
 from kinetic_solver.scene import Deposit, DriftDiffusionScheme, Scene, SteppingScheme, VelocityScheme
-from kinetic_solver.stability.scaling import MOST_ELASTIC, cooling_state
 
 WORTH_MOVING = 1.5
-"""How many times narrower a moving frame must make the window: frames are interpolated then. And how many times slower a
-homogeneous gas must become for one whose velocities shrink. Chosen."""
-WORTH_SHRINKING = 3.0
-"""Likewise of a gas that depends on x: its waves may cool otherwise. Chosen: free motion folds f in v less then than on a fixed
-window, in all of ten scenes but one that became two times slower (ε = 0.99)."""
+"""How many times narrower a moving frame must make the window: frames are interpolated then. Chosen."""
 FINITE_VOLUMES_COARSER = 4.0
 """How many times the dv of the kernel finite volumes of order 8 must allow, to take its place. Chosen: they are less accurate."""
 JUMP_IN_THE_LOCAL_GAUGE = 1e-4
@@ -96,33 +90,6 @@ def reference_frame(scales: Scales, clocked: Callable[[ReferenceFrame], Scales])
     if here_window.width > WORTH_MOVING * there_window.width or outside:
         return moving, there
     return rest, scales
-
-
-def may_scale(scene: Scene) -> bool:
-    """Whether a homogeneous start would cool in scaled velocities: (12) without noise, and nothing said of the grid."""
-    law, given, model = scene.law, scene.grid, scene.model
-    said = (given.nv, given.velocity_window, given.velocity, given.time_step, given.stepping, given.drift_diffusion)
-    return (
-        isinstance(law, Inelastic)
-        and law.restitution <= MOST_ELASTIC
-        and model.friction * model.noise == 0
-        and not any(said)
-        and not scene.output.moment_equations
-    )
-
-
-def cooling_frame(scales: Scales, moving: ReferenceFrame) -> ReferenceFrame | None:
-    """The frame whose velocities shrink as those of a homogeneous gas of (12) of the mean density do in the end; None where it
-    would not pay."""
-    law, scene = scales.law, scales.scene
-    if not may_scale(scene):
-        return None
-    assert isinstance(law, Inelastic)
-    unit = math.sqrt(scales.start.temperature)
-    rate = cooling_state(law.restitution).cooling_rate * law.cross_section * scene.initial.density * unit
-    if 1 + rate * scales.whole.drift_time < (WORTH_MOVING if scales.start.homogeneous else WORTH_SHRINKING):
-        return None
-    return replace(moving, cooling=rate, unit=unit)
 
 
 def velocity(scales: Scales) -> VelocityScheme:

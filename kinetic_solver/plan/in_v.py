@@ -211,13 +211,13 @@ def _drift_diffusion(scales: Scales, waves: Waves, schemes: Schemes) -> list[Cri
 def _deposit(scales: Scales, deposit: Deposit) -> Criterion:
     """Of operator (12): the error of its rate adds up for as long as friction does not forget it."""
     coefficient, order = measured.DEPOSIT_ERROR[deposit]
-    if scales.cooling:
-        coefficient *= measured.COOLING_DEPOSIT
-    elif scales.noise_hardly_acts:
+    if scales.noise_hardly_acts:
         coefficient *= measured.NOISELESS_DEPOSIT
     lasting = min(scales.end, 1 / scales.forgetting if scales.forgetting > 0 else math.inf)
     gain = max(1.0, scales.collision_rate * lasting)
     dv = math.sqrt(scales.theta_min) * (scales.rtol / (coefficient * gain)) ** (1 / order)
+    if scales.cooling:
+        dv /= measured.COOLING_FINER
     return Criterion(dv, f"the {deposit} deposit of collision products")
 
 

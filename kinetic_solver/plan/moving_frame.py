@@ -23,6 +23,7 @@ from kinetic_solver.initial import start_state
 from kinetic_solver.scene import Model, Run, Scene
 from kinetic_solver.theory.ornstein_uhlenbeck import transition
 
+ROUND_OFF = 2.0**-53
 SLOW = 1e-3
 """γt below which velocities are taken for linear in time: Simpson's rule then errs by (γt)⁴ of them at most."""
 
@@ -84,7 +85,8 @@ class ReferenceFrame:
         if self.cooling > 0:
             time = math.expm1(self.cooling * clock) / self.cooling
         if self.noiseless and friction > 0:
-            time = -math.log1p(-friction * time) / friction
+            # The clock ends at 1/γ; what is told of later times is that they are late.
+            time = -math.log1p(-min(friction * time, 1 - ROUND_OFF)) / friction
         step = transition(self.model, time)
         return Place(
             time,

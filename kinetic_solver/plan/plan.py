@@ -22,6 +22,7 @@ from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.laws import CollisionLaw, check_frequency, check_law
 from kinetic_solver.machine import too_large
 from kinetic_solver.plan import choices, in_hermite, in_t, in_v, in_x, measured
+from kinetic_solver.plan.cooling import may_scale
 from kinetic_solver.plan.criterion import Criterion, strictest
 from kinetic_solver.plan.moving_frame import ReferenceFrame
 from kinetic_solver.plan.output import output_grids
@@ -227,7 +228,7 @@ def _make_plan(scene: Scene, known: Mapping[str, str], law: CollisionLaw | None,
 
 def _cooling_from_a_file(scene: Scene, law: CollisionLaw | None) -> Plan | None:
     """Of a gas that has cooled, and goes on cooling in scaled velocities; None for other starts, which keep the file's grid."""
-    if not choices.may_scale(scene) or (found := initial.of_file(scene)) is None:
+    if not may_scale(scene) or (found := initial.of_file(scene)) is None:
         return None
     plan = _make_plan(found[0], {}, law, found[1])
     return replace(plan, scene=scene) if plan.reference_frame.cooling > 0 else None

@@ -25,18 +25,19 @@ class Expansion:
         weight = np.exp(-(grid.v**2) / (2 * variance))
         odd = weight * (grid.v - (weight @ grid.v) / weight.sum())
         self._tilt = odd / (grid.v @ odd)
+        self._q = 2 * np.pi / (grid.high - grid.low) * np.arange(grid.nv // 2 + 1)
+        self._to_points = np.exp(1j * np.outer(grid.v, self._q))
 
     def matrix(self, h: float) -> Array:
         grid, factor = self.grid, math.exp(self.rate * h)
-        period, nv = grid.high - grid.low, grid.nv
-        q = 2 * np.pi / period * np.arange(nv // 2 + 1)
+        nv, q = grid.nv, self._q
         weight = np.full(q.size, 2.0 / nv)
         weight[0] = 1 / nv
         if nv % 2 == 0:
             weight[-1] = 1 / nv
         # Waves come from shorter ones, and the shortest from beyond the spectrum's end, where there are none.
         weight[q * factor > q[-1]] = 0.0
-        kernel = (np.exp(1j * np.outer(grid.v, q)) * weight @ np.exp(-1j * factor * np.outer(q, grid.v))).real
+        kernel = (self._to_points * weight @ np.exp(-1j * factor * np.outer(q, grid.v))).real
         kernel = with_unit_columns(kernel)
         wanted = factor * grid.v if grid.nx > 1 else 0.0
         return np.asarray(kernel - np.outer(self._tilt, grid.v @ kernel - wanted))
