@@ -5,12 +5,12 @@ VENV := .venv
 BIN := $(VENV)/bin
 NAME := $(basename $(notdir $(SCENE)))
 
-.PHONY: run test lint benchmark keys clean
+.PHONY: run test lint docs benchmark keys clean
 
 run: $(VENV)/.installed
 	@mkdir -p output
 	$(BIN)/kinetic-solver run $(SCENE) -o output/$(NAME).nc --overwrite
-	$(BIN)/kinetic-solver plot output/$(NAME).nc -o output/$(NAME).png
+	$(BIN)/kinetic-solver plot output/$(NAME).nc -o output/$(NAME).png --overwrite
 
 test: $(VENV)/.installed lint
 	$(BIN)/python -m pytest -q -n 2
@@ -19,6 +19,14 @@ lint: $(VENV)/.installed
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+# The site, in build/docs: its examples run, and warnings are errors.
+docs: $(VENV)/.docs
+	$(BIN)/python -m sphinx -q -W --keep-going -b html docs build/docs
+
+$(VENV)/.docs: $(VENV)/.installed
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[docs]'
+	@touch $@
 
 benchmark: $(VENV)/.installed
 	$(BIN)/python -m benchmarks
@@ -34,4 +42,4 @@ keys: $(VENV)/.installed
 	$(BIN)/python -c 'from pathlib import Path; from kinetic_solver.scene.schema import write; write(Path("."))'
 
 clean:
-	rm -rf $(VENV) output build *.egg-info
+	rm -rf $(VENV) output build docs/examples docs/sg_execution_times.rst *.egg-info

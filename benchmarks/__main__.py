@@ -14,6 +14,8 @@ NAMES = (
     "collision_operator",
     "own_laws",
     "linear_step",
+    "transforms",
+    "long_pipes",
     "work_precision",
     "time_steppers",
     "live_file",
@@ -28,6 +30,7 @@ NAMES = (
     "descriptions",
     "particles_speed",
     "time_to_accuracy",
+    "sweeps",
 )
 
 LONG = ("particles_validation", "comparison", "clusters", "long_runs")

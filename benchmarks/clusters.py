@@ -25,6 +25,7 @@ from kinetic_solver.analysis.paper_figures import (
     BINS,
     LENGTH,
     RESTITUTION,
+    contrast_in_words,
     expected_contrast,
     figure_scene,
     gaussian,
@@ -188,7 +189,14 @@ def direct() -> None:
         columns = [text(q[name]) for name in ("max", "mean", "variance", "skewness", "a2")]
         columns.insert(2, f"{1 - case.number:g}")
         theory = expected_contrast(case.scene())
-        row(f"{case.number:g}", f"{case.count}", text(q["contrast"]), f"{theory:.3g}", f"{ideal(case.count):.3g}", *columns)
+        row(
+            f"{case.number:g}",
+            f"{case.count}",
+            text(q["contrast"]),
+            contrast_in_words(theory),
+            f"{ideal(case.count):.3g}",
+            *columns,
+        )
 
     print("\nR* where S(k)/N = level at k = 0.25")
     table("level", *(f"N = {count}" for count in COUNTS))
@@ -250,8 +258,14 @@ def save_figure(found: dict[Case, Result], path: str) -> None:
         left.errorbar(n_of, values, errors, **style)
         right.errorbar(theory, values, errors, **style)
     left.set(xscale="log", yscale="log", ylim=(0.005, 3), xlabel="particles N", ylabel="density contrast")
-    right.set(xscale="log", yscale="log", ylim=(0.005, 3), xlabel="contrast by linear theory", ylabel="density contrast")
-    left.set_title("lines: linear theory, √(Σ S sinc²/N)", fontsize=10)
+    right.set(
+        xscale="log",
+        yscale="log",
+        ylim=(0.005, 3),
+        xlabel="√(Σ S sinc²/N): linear theory's contrast while that is small",
+        ylabel="density contrast",
+    )
+    left.set_title("lines: √(Σ S sinc²/N), what linear theory expects while that is small", fontsize=10)
     right.set_title("the same points over what linear theory expects", fontsize=10)
     left.legend(fontsize=8, ncols=2)
     right.legend(fontsize=8)
@@ -278,14 +292,14 @@ def files() -> None:
     for pair in pairs:
         for case in pair:
             columns = [text(found[case][name]) for name in ("contrast", "max", "mean", "variance", "skewness", "a2")]
-            columns.insert(1, f"{expected_contrast(case.scene()):.3g}")
+            columns.insert(1, contrast_in_words(expected_contrast(case.scene())))
             row(f"{case.number:g}", f"{case.count}", *_encounters(case), *columns)
     print("\nSteps and cells")
     table("R*", "N", "", "γh", "cell over free path", "sticking", "contrast", "linear theory", "mean v", "variance")
     for case in (*steps, *rest, *linear):
         plan = make_plan(case.scene())
         columns = [text(found[case][name]) for name in ("contrast", "mean", "variance")]
-        columns.insert(1, f"{expected_contrast(case.scene()):.3g}")
+        columns.insert(1, contrast_in_words(expected_contrast(case.scene())))
         stick, kind = _encounters(case)[1:]
         width = "–" if case.single_file else f"{plan.relative_width:.3f}"
         row(f"{case.number:g}", f"{case.count}", kind, f"{plan.time_step:g}", width, stick, *columns)

@@ -121,7 +121,7 @@ def by_closed_form(number: float, knob: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def by_particles(number: float, knob: float) -> tuple[np.ndarray, np.ndarray]:
-    run = simulate(scene_with(number, particles={"count": int(knob)}, grid={"nx": POINTS}))
+    run = simulate(scene_with(number, particles={"count": int(knob), "replicas": 1}, grid={"nx": POINTS}))
     return run["x"].values, run["density"].values[-1]
 
 

@@ -40,7 +40,7 @@ MORE: dict[str, Tables] = {
     "run": {"end_time": 0.2, "output_every": 0.05},
     "output": {"f": False, "moments": 0.1, "scalars": True, "budgets": True, "moment_equations": True, "particles": True},
     "grid": {"nx": 8, "nv": 40, "velocity_window": [-6.0, 8.0], "time_step": 0.05, "velocity": "points", "stepping": "strang"},
-    "particles": {"count": 100, "time_step": 0.02, "collisions": "single-file"},
+    "particles": {"count": 100, "replicas": 1, "time_step": 0.02, "collisions": "single-file"},
     "hydrodynamics": {"moments": 5},
     "units": {"length": "m", "time": "s", "number": "1"},
     "initial": {"density": 0.8, "mean_velocity": -1.0, "temperature": 0.4, "velocity_modes": [{"mode": 2, "cos": 0.1}],

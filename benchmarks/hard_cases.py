@@ -229,8 +229,10 @@ def refined(scene: Scene, run: xr.Dataset) -> xr.Dataset:
     along_x = interpolation(fine["x"].values, run["x"].values, length)
     rho, u, theta = (fine[name].values for name in FIELDS[1:])
     with np.errstate(divide="ignore", invalid="ignore"):
+        rest = float(np.nanmean(u))
+        u = u - rest  # else u² rounds θ away in a fast flow
         rho, p, energy = (values @ along_x.T for values in (rho, rho * u, rho * (u**2 + theta)))
-        fields = {"density": rho, "mean_velocity": p / rho, "temperature": energy / rho - (p / rho) ** 2}
+        fields = {"density": rho, "mean_velocity": p / rho + rest, "temperature": energy / rho - (p / rho) ** 2}
     f = along_x @ fine["f"].values @ along_v.T
     data = {"f": (run["f"].dims, f)} | {name: (run[name].dims, values) for name, values in fields.items()}
     return xr.Dataset(data, coords={name: run[name] for name in ("time", "x", "v")})

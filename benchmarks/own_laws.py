@@ -39,7 +39,7 @@ def main() -> None:
         "initial": {"mean_velocity": 0.0, "temperature": 0.9, "modes": [{"mode": 1, "cos": 0.3}]},
         "run": {"end_time": 1.0, "output_every": 0.5},
         "grid": {"velocity": "points"},
-        "particles": {"count": 200_000},
+        "particles": {"count": 200_000, "replicas": 1},
     }
     inside = Scene.model_validate({**common, "collisions": {"operator": "inelastic", "cross_section": 0.9, "restitution": 0.6}})
     outside, law = Scene.model_validate(common), Twelve(0.9, 0.6)

@@ -26,7 +26,7 @@ from kinetic_solver import Scene
 from kinetic_solver.arrays import Array
 from kinetic_solver.plan import make_plan
 from kinetic_solver.solver.representation import collision_operator, make_representation
-from kinetic_solver.stepping import BaseMethod, Extrapolated, Rate, Substep, lawson, strang
+from kinetic_solver.stepping import BaseMethod, Extrapolated, Integral, Rate, Substep, lawson, strang
 from kinetic_solver.threads import one_blas_thread
 
 PRECISION = 1e-10
@@ -76,7 +76,7 @@ ORDERS |= {"Lawson RK4, extrapolated": 5, "Gragg, order 6": 6, "Gragg, order 8":
 def gragg(rate: Rate, linear: Substep) -> BaseMethod:
     """Gragg's (1965) midpoint rule in Lawson's variable exp(-tL) f; an even number of steps has an error in even powers of h."""
 
-    def over(f: Array, interval: float, steps: int) -> Array:
+    def over(f: Array, interval: float, steps: int, integral: Integral | None = None) -> Array:
         h = interval / steps
         before, now = f, linear(f + h * rate(f), h)
         for _ in range(steps - 1):

@@ -74,12 +74,12 @@ def measure(name: str) -> dict[str, list[tuple[float, float, float]]]:
         print(f"| grid | rtol = {rtol:g} | {seconds:.3g} | {error:.1e} |", flush=True)
         assert error < rtol * expected.max()
         found["grid"].append((rtol, seconds, error))
-    simulate(scene(name, particles={"count": 1000}, grid={"nx": NX, "nv": 32}))
+    simulate(scene(name, particles={"count": 1000, "replicas": 1}, grid={"nx": NX, "nv": 32}))
     for count in COUNTS:
         seeds = max(2, min(16, 2_000_000 // count))
         times, errors = [], []
         for seed in range(1, seeds + 1):
-            chosen = scene(name, particles={"count": count, "seed": seed}, grid={"nx": NX, "nv": 32})
+            chosen = scene(name, particles={"count": count, "seed": seed, "replicas": 1}, grid={"nx": NX, "nv": 32})
             seconds, run = timed(lambda chosen=chosen: simulate(chosen))
             times.append(seconds)
             errors.append(np.abs(density(run) - expected).max())

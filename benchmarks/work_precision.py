@@ -32,6 +32,7 @@ from matplotlib.figure import Figure
 from benchmarks.collision_operator import double_loop
 from benchmarks.timing import best
 from kinetic_solver import Scene, exact, solve
+from kinetic_solver.analysis.drawing import BLUE, GREEN, GREY, ORANGE
 from kinetic_solver.arrays import Array
 from kinetic_solver.errors import LostAccuracy, SceneError, SolverStopped, StepTooSmall
 from kinetic_solver.grid import PhaseSpaceGrid
@@ -391,6 +392,20 @@ def main() -> int:
     return int(failed)
 
 
+ASKED = "least that is asked for: this error in this time"
+FAMILIES = {"solve": GREY, "linearised": BLUE, "Lawson": GREEN, "": ORANGE}
+"""Beginning of a scheme's name → colour; the rest compose substeps after Strang."""
+MARKERS = {"Hermite": "D", "local": "s", "cubic": "s", "exact": "s", "finite": "^", "linear ": "^", "": "o"}
+"""Part of a scheme's name → mark, the same throughout a family's variants."""
+
+
+def style(scheme: str) -> dict[str, Any]:
+    """Few colours, one to a family of schemes, and marks within it."""
+    colour = next(colour for start, colour in FAMILIES.items() if scheme.startswith(start))
+    marker = next(mark for part, mark in MARKERS.items() if part in scheme)
+    return {"color": colour, "marker": marker, "ls": ":" if scheme.startswith("solve") else "-"}
+
+
 def write(points: list[Point]) -> None:
     folder = Path("output")
     folder.mkdir(exist_ok=True)
@@ -408,16 +423,13 @@ def write(points: list[Point]) -> None:
     schemes = list(dict.fromkeys(p.case.scheme for p in points))
     handles: dict[str, Any] = {}
     for axes, problem in zip(panels, problems, strict=False):
-        for n, scheme in enumerate(schemes):
+        for scheme in schemes:
             here = [(p.seconds, p.error) for p in points if (p.case.problem, p.case.scheme) == (problem, scheme)]
             if here:
-                dotted = ":" if scheme.startswith("solve") else "-"
-                (handles[scheme],) = axes.plot(*zip(*here, strict=True), marker="o", ms=4, ls=dotted, color=f"C{n % 10}")
-                if n >= 10:
-                    handles[scheme].set_marker("s")
+                (handles[scheme],) = axes.plot(*zip(*here, strict=True), ms=5, lw=1.2, **style(scheme))
         for floor in FLOORS:
             if floor.problem == problem:
-                handles["floor"] = axes.scatter(floor.seconds, floor.error, marker="*", s=140, color="k", zorder=3)
+                handles[ASKED] = axes.scatter(floor.seconds, floor.error, marker="*", s=140, color="0.5", zorder=3)
         name, _, start = problem.partition(", ")
         axes.set(
             xscale="log",

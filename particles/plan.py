@@ -188,14 +188,15 @@ def _check(plan: ParticlePlan) -> None:
 
 
 def _of_the_file(scene: Scene) -> Scene:
-    """With the number of particles that `initial.file` holds. Raises SceneError where the scene asks for another."""
+    """With as many particles and replicas as `initial.file` holds. Raises SceneError where the scene asks for another."""
     replicas, count = count_of(scene)
     wanted = scene.particles
     if wanted.count != count and "count" in wanted.model_fields_set:
         raise SceneError(f"particles.count = {wanted.count}: allowed: {count}, as in initial.file; or leave it out")
     if replicas not in (1, wanted.replicas) and "replicas" in wanted.model_fields_set:
         raise SceneError(f"particles.replicas = {wanted.replicas}: allowed: {replicas}, as in initial.file; or leave it out")
-    copies = wanted.replicas if replicas == 1 else replicas
+    # Copies of one ensemble have the same start: their scatter is that of the noise alone, which is to be asked for.
+    copies = wanted.replicas if "replicas" in wanted.model_fields_set else replicas
     return scene.model_copy(update={"particles": wanted.model_copy(update={"count": count, "replicas": copies})})
 
 

@@ -15,7 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinetic_solver.arrays import Array
+from kinetic_solver.compiling import watch
 from particles.threads import over_particles
+
+watch()
 
 LANGEVIN, COLLISIONS, POSITIONS, VELOCITIES, OVERTAKINGS, PARTS = 0, 1, 2, 3, 4, 5
 """What numbers are for: the highest byte of the counter's last word, above the number of the draw."""

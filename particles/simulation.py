@@ -12,6 +12,7 @@ from kinetic_solver.arrays import Array
 from kinetic_solver.dataset import MemoryRecorder, Recorder, law_attribute, recording
 from kinetic_solver.initial import Given, notes_of
 from kinetic_solver.laws import CollisionLaw, PairLaw
+from kinetic_solver.progress import Progress, telling
 from kinetic_solver.scene import Scene
 from particles.collisions import collide
 from particles.drawing import Maxwellians, Tabulated, draw
@@ -28,7 +29,6 @@ from particles.single_file import SingleFile
 if TYPE_CHECKING:
     import xarray as xr
 
-Progress = Callable[[float, float], None]
 AfterStep = Callable[["Simulation"], None]
 Look = Callable[[], None]
 """Called before the first step, where that is long in coming; it may raise."""
@@ -183,21 +183,25 @@ def _needed(plan: ParticlePlan) -> PairLaw:
 
 
 def simulate(
-    scene: Scene, progress: Progress | None = None, operator: CollisionLaw | None = None, initial: Given | None = None
+    scene: Scene,
+    progress: bool | Progress | None = None,
+    operator: CollisionLaw | None = None,
+    initial: Given | None = None,
 ) -> xr.Dataset:
     """Run the scene's particles and return its Dataset (docs/output.md): means over replicas, each with `<name>_stderr`.
 
     `initial` is a start of one's own instead of [initial], from which particles are drawn: f(x, v) as a callable or a DataArray
-    (docs/starts.md).
+    (docs/starts.md). `progress` as of `kinetic_solver.solve`.
     Raises SceneError where the scene asks for what the particles do not do, and SolverStopped, with the frames so far as its
     `dataset`, where a run cannot go on.
     """
-    plan = make_plan(scene, operator, initial)
-    table, more = variables(plan.scene, plan.grid), coordinates(plan.scene, plan.grid)
-    notes = {**law_attribute(operator), **notes_of(plan.start)}
-    recorder = MemoryRecorder(plan.grid, plan.scene, plan.schedule, "particles", table, more, notes)
-    with recording(recorder):
-        run(plan, recorder, progress)
+    with telling(progress) as told:
+        plan = make_plan(scene, operator, initial)
+        table, more = variables(plan.scene, plan.grid), coordinates(plan.scene, plan.grid)
+        notes = {**law_attribute(operator), **notes_of(plan.start)}
+        recorder = MemoryRecorder(plan.grid, plan.scene, plan.schedule, "particles", table, more, notes)
+        with recording(recorder):
+            run(plan, recorder, told)
     recorder.close(report=report(plan))
     return recorder.dataset()
 

@@ -7,6 +7,7 @@ Tests: tests/interface/test_accessor.py.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import xarray as xr
@@ -126,6 +127,20 @@ class KineticAccessor:
         if of not in ("energy", "momentum"):
             raise SceneError(f"of = {of!r}: allowed: 'energy' or 'momentum'")
         return _labelled(self.budgets()[f"{of}_from"].dropna("term", how="all"), axes, hue="term")
+
+    def animate(self, path: str | Path | None = None, fps: float | None = None, overwrite: bool = False) -> Any:
+        """A movie: f(x, v) with the density above and w(v) beside it, one picture for each frame.
+
+        With a path it is written, .gif or .mp4, and the path returned; without one it is matplotlib's animation, for notebooks
+        (`HTML(ds.kinetic.animate().to_jshtml())`) and windows. A file is read a frame at a time. `fps` and errors as of
+        `kinetic_solver.analysis.animation.save_animation`.
+        """
+        from kinetic_solver.analysis.animation import animation, save_animation
+
+        if path is None:
+            return animation(self._ds, fps)
+        save_animation(self._ds, path, fps, overwrite)
+        return path
 
     def _need(self, name: str, key: str) -> xr.DataArray:
         if name not in self._ds:

@@ -55,7 +55,7 @@ def closure_scene(seed: int = 1) -> Scene:
             "run": {"end_time": 16.0, "output_every": 0.1},
             "output": {"f": False, "budgets": False},
             "accuracy": {"rtol": 1e-3},
-            "particles": {"count": COUNTS[-1], "seed": seed},
+            "particles": {"count": COUNTS[-1], "seed": seed, "replicas": 1},
         }
     )
 
@@ -87,7 +87,9 @@ def descriptions(scene: Scene, say: Say | None = None) -> xr.Dataset:
     ensembles = []
     for count in COUNTS:
         next_is(f"{count} particles")
-        changed = _changed(scene, grid={"nx": PARTICLE_POINTS}, particles={"count": count, "seed": scene.particles.seed})
+        changed = _changed(
+            scene, grid={"nx": PARTICLE_POINTS}, particles={"count": count, "seed": scene.particles.seed, "replicas": 1}
+        )
         ensembles.append(simulate(changed)["density"].values / mean)
     relative = {"long_name": "density over its mean", "units": "1"}
     data = {

@@ -4,17 +4,22 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from kinetic_solver.analysis.drawing import BLUE, ORANGE, save
+from kinetic_solver.analysis.drawing import BLUE, GREY, ORANGE, save
 from kinetic_solver.compare.comparison import Comparison
 from kinetic_solver.compare.rows import MEAN, Row
 
 FIRST, SECOND = BLUE, ORANGE
 """Colours of the two sides."""
+SYSTEMATIC = "0.75"
+"""Colour of the band in which the two may differ."""
+TINY = 0.02
+"""Of the bound: smaller differences are drawn on a logarithmic scale."""
 NAMES = {
     "density": "density ρ",
     "mean_velocity": "mean velocity u",
@@ -44,7 +49,10 @@ def comparison_figure(found: Comparison) -> Figure:
     for row, (top, bottom) in zip(rows, axes.T, strict=True):
         _fields(top, row, names)
         _differences(bottom, row)
-    axes[0, -1].legend(fontsize=8, loc="best")
+    drawn = dict[str, Any]()
+    for panel in axes.flat:
+        drawn |= dict(zip(*reversed(panel.get_legend_handles_labels()), strict=True))
+    figure.legend(drawn.values(), drawn.keys(), fontsize=8, loc="outside lower center", ncols=len(drawn))
     when = "mean over the frames after the first" if worst.time == MEAN else f"t = {worst.time:g}"
     figure.suptitle(f"{when}     {found.verdict}", fontsize=11)
     return figure
@@ -60,14 +68,18 @@ def _fields(axes: Axes, row: Row, names: list[str]) -> None:
 def _differences(axes: Axes, row: Row) -> None:
     axes.set_xlabel("v" if row.field == "velocity_distribution" else "x")
     if not np.isfinite(row.z).any():
-        axes.axhspan(-1, 1, color="0.9", zorder=0)
-        axes.plot(row.points, row.difference / row.bound, ".-", color="0.25", lw=0.8, ms=4)
+        share = row.difference / row.bound
+        if 0 < np.nanmax(np.abs(share)) < TINY:  # a straight line, else
+            axes.semilogy(row.points, np.abs(share), ".", color=GREY, ms=4)
+            axes.axhline(1, color=SYSTEMATIC, lw=4)
+            axes.set_ylabel("|difference| over its bound", fontsize=8)
+            return
+        axes.axhspan(-1, 1, color=SYSTEMATIC, zorder=0, label="bound of the systematic part")
+        axes.plot(row.points, share, ".-", color=GREY, lw=0.8, ms=4)
         axes.set_ylabel("difference over its bound", fontsize=8)
         return
     allowed = row.bound / row.error
-    axes.fill_between(row.points, -2 - allowed, 2 + allowed, color="0.9", zorder=0, label="2 standard errors and the bound")
-    axes.fill_between(row.points, -allowed, allowed, color="0.75", zorder=0, label="bound of the systematic part")
-    axes.plot(row.points, row.difference / row.error, ".-", color="0.25", lw=0.8, ms=4)
+    axes.fill_between(row.points, -2 - allowed, 2 + allowed, color="0.9", zorder=0, label="that bound and two standard errors")
+    axes.fill_between(row.points, -allowed, allowed, color=SYSTEMATIC, zorder=0, label="bound of the systematic part")
+    axes.plot(row.points, row.difference / row.error, ".-", color=GREY, lw=0.8, ms=4)
     axes.set_ylabel("difference, standard errors", fontsize=8)
-    if row.field == "density":
-        axes.legend(fontsize=7, loc="best")

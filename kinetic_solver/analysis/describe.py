@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from kinetic_solver.initial import file_notes, start_state
-from kinetic_solver.plan import Plan, make_plan
+from kinetic_solver.plan import Plan, cost, make_plan
 from kinetic_solver.scene import FOLLOW_LEADER, INELASTIC, Scene
 from kinetic_solver.stability import critical_density, kinetic_rates
 from kinetic_solver.stability.homogeneous import homogeneous_state
@@ -24,6 +24,14 @@ def describe(scene: Scene, on_the_grid: bool = True) -> list[tuple[str, list[Row
         ("Start", _start(scene, on_the_grid)),
         *run,
     ]
+
+
+def expected_seconds(scene: Scene) -> float:
+    """What `solve` will take for the scene on one core of this machine, within a factor of three (plan/cost.py).
+
+    Raises SceneError where there is no plan.
+    """
+    return cost(make_plan(scene)).seconds
 
 
 def _equation(scene: Scene) -> list[Row]:
@@ -137,6 +145,7 @@ def _run(plan: Plan) -> list[Row]:
     rows += [
         ("steps", f"{'about ' if plan.controlled else ''}{plan.expected_steps} in {frames} frames"),
         ("memory", f"{plan.memory / 2**20:.3g} MiB"),
+        ("time", f"{cost(plan)} on one core of this machine, within a factor of three"),
     ]
     return rows
 

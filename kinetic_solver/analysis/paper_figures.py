@@ -23,6 +23,7 @@ from kinetic_solver.scene import INELASTIC, Scene
 from kinetic_solver.solver import solve
 from kinetic_solver.stability import structure_factor
 from kinetic_solver.stability.homogeneous import homogeneous_state
+from kinetic_solver.stability.verdict import LARGEST_CONTRAST
 
 TIMES = (0.0, 3.0, 500.0)
 """The paper's times, taken in units of 1/γ."""
@@ -38,8 +39,8 @@ BINS = 50
 """Bins of the density's histogram."""
 LEAST_COUNT = 2 * BINS
 """The fewest particles of which a histogram says anything: two to a bin."""
-FIT_STEPS = 500
-"""Iterations of the fit of two Gaussians."""
+OUT_OF_RANGE = "has left its range"
+"""What is said of linear theory beyond `LARGEST_CONTRAST`."""
 PARTICLES, EQUATION, GAUSSIAN, TWO = "0.45", BLUE, "#000000", ORANGE
 """Colours."""
 
@@ -60,7 +61,7 @@ def figure_scene(figure: int, operator: str = "follow-the-leader", count: int = 
             "pipe": {"length": LENGTH},
             "run": {"end_time": TIMES[-1], "output_every": 1.0},
             "output": {"f": False, "budgets": False},
-            "particles": {"count": count, "seed": seed},
+            "particles": {"count": count, "seed": seed, "replicas": 1},
         }
     )
 
@@ -128,17 +129,31 @@ def gaussian(v: Array, mean: float, variance: float) -> Array:
 
 
 def fit_two(velocities: Array, variance: float) -> tuple[Array, Array]:
-    """(means (2,) ascending, shares (2,)) of two Gaussians of a given variance: maximum likelihood by expectation-maximisation.
+    """(means (2,) ascending, shares (2,)) of the two Gaussians of a given variance that make the velocities the likeliest.
 
-    Both means are the sample's where it is no wider than that variance.
+    Both means are the sample's where it is no wider than that variance. Test: test_two_fitted_populations, by the gradient.
     """
-    start = math.sqrt(max(float(velocities.var()) - variance, 0.0))
-    means, shares = velocities.mean() + np.array([-start, start]), np.array([0.5, 0.5])
-    for _ in range(FIT_STEPS):
-        likelihood = shares[:, None] * np.exp(-((velocities - means[:, None]) ** 2) / (2 * variance))
-        belongs = likelihood / likelihood.sum(axis=0)
-        weight = belongs.sum(axis=1)
-        means, shares = belongs @ velocities / weight, weight / velocities.size
+    from scipy.optimize import minimize
+    from scipy.special import expit
+
+    mean, width = velocities.mean(), math.sqrt(variance)
+    start = math.sqrt(max(float(velocities.var()) - variance, 0.0)) / width
+    if start == 0:
+        return np.array([mean, mean]), np.array([0.5, 0.5])
+    x = (velocities - mean) / width
+
+    def loss(parameters: Array) -> tuple[float, Array]:
+        """Minus the mean logarithm of the likelihood over that of one Gaussian, and its gradient."""
+        means, shares = parameters[:2], expit(np.array([-parameters[2], parameters[2]]))
+        logs = np.log(shares)[:, None] + means[:, None] * x - means[:, None] ** 2 / 2
+        whole = np.logaddexp(logs[0], logs[1])
+        belongs = np.exp(logs - whole)
+        weight = belongs.mean(axis=1)
+        by_mean = belongs @ x / x.size - weight * means
+        return -float(whole.mean()), -np.append(by_mean, weight[1] - shares[1])
+
+    best = minimize(loss, np.array([-start, start, 0.0]), jac=True, method="BFGS", options={"gtol": 1e-8}).x
+    means, shares = mean + width * best[:2], expit(np.array([-best[2], best[2]]))
     order = np.argsort(means)
     return means[order], shares[order]
 
@@ -168,6 +183,11 @@ def expected_contrast(scene: Scene, bins: int = BINS, count: int | None = None) 
     window = np.sinc(np.arange(1, last + 1) / bins) ** 2
     beyond = bins - 1 - 2 * window.sum()  # waves that no noise amplifies: Σ over all m of sinc² is the number of bins
     return math.sqrt((2 * float((s * window).sum()) + beyond) / (count or scene.particles.count))
+
+
+def contrast_in_words(contrast: float) -> str:
+    """A number where linear theory's contrast is one: waves are small."""
+    return f"{contrast:.3g}" if contrast <= LARGEST_CONTRAST else OUT_OF_RANGE
 
 
 def summary(dataset: xr.Dataset) -> list[str]:
@@ -203,19 +223,19 @@ def summary(dataset: xr.Dataset) -> list[str]:
         }
         lines.append(f"t = {time:g}: ∫|w - …|dv: " + ", ".join(f"{name} {value:.3f}" for name, value in distances.items()))
     lines.append(f"(2) stays homogeneous: mean v {state.mean_velocity:.4g}, variance {state.temperature:.4g}")
-    lines.append(
-        f"linear theory of noise: contrast {expected_contrast(scene):.3g} (independent particles "
-        f"{math.sqrt((BINS - 1) / scene.particles.count):.3g})"
-    )
+    expected, independent = expected_contrast(scene), math.sqrt((BINS - 1) / scene.particles.count)
+    predicted = f"contrast {contrast_in_words(expected)}" if expected <= LARGEST_CONTRAST else OUT_OF_RANGE
+    lines.append(f"linear theory of noise: {predicted} (independent particles {independent:.3g})")
     return lines
 
 
 def save_snapshots(dataset: xr.Dataset, path: str | Path) -> None:
     """Density and w(v) at the three times. Raises SceneError where the file cannot be written."""
-    save(_figure(dataset), path)
+    save(draw_snapshots(dataset), path)
 
 
-def _figure(dataset: xr.Dataset) -> Figure:
+def draw_snapshots(dataset: xr.Dataset) -> Figure:
+    """The dataset of `snapshots` as a picture of two rows: the density over x, and w(v), at each of its times."""
     scene = scene_of(dataset)
     figure = Figure(figsize=(12, 6.6), layout="constrained")
     axes = figure.subplots(2, dataset.sizes["time"], sharey="row", sharex="row", squeeze=False)
@@ -225,7 +245,8 @@ def _figure(dataset: xr.Dataset) -> Figure:
         frame = dataset.sel(time=time)
         top.bar(frame["bin"], frame["density_histogram"], width, color=PARTICLES, label="particles")
         top.axhline(1, color=EQUATION, lw=1.8, label="equation (2)")
-        top.set_title(f"t = {time:g}/γ")
+        top.set_title(f"t = {time:g}/γ" if time else "t = 0")
+        top.set_xlim(0, scene.pipe.length)
         top.set_xlabel("x")
         bottom.bar(frame["v_bin"], frame["histogram"], dv, color=PARTICLES)
         bottom.plot(frame["v_bin"], frame["equation"], color=EQUATION, lw=1.8, label="equation (2)")
@@ -241,9 +262,9 @@ def _figure(dataset: xr.Dataset) -> Figure:
     axes[1, 0].legend(fontsize=7, loc="upper left")
     axes[1, 0].set_ylim(top=1.5 * float(dataset["histogram"].max()))
     kind = "operator (12), ε = 0.5" if scene.operator == INELASTIC else "operator (6)"
-    number = scene.groups.collision_number
-    figure.suptitle(
-        f"{kind}, R* = {number:g}, {scene.particles.count} particles; linear theory of noise: density contrast "
-        f"{expected_contrast(scene):.2g}"
-    )
+    number, expected = scene.groups.collision_number, expected_contrast(scene)
+    predicted = f"linear theory of noise: density contrast {expected:.2g}"
+    if expected > LARGEST_CONTRAST:
+        predicted = f"linear theory of their noise {OUT_OF_RANGE}"
+    figure.suptitle(f"{kind}, R* = {number:g}, {scene.particles.count} particles; {predicted}")
     return figure

@@ -16,12 +16,12 @@ from typing import Any
 import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
-from scipy.interpolate import make_interp_spline
 
 from kinetic_solver.arrays import Array
 from kinetic_solver.dataset import in_velocities, schema, velocity_axis
 from kinetic_solver.errors import SceneError
 from kinetic_solver.grid import PhaseSpaceGrid
+from kinetic_solver.interpolation import through_splines, through_waves
 
 RATIOS = ("mean_velocity", "temperature", "heat_flux")
 """Of the velocity moments, those that are no densities."""
@@ -90,7 +90,7 @@ def _check(ds: xr.Dataset, nx: int | None, nv: int | None, window: tuple[float, 
 
 def _along_x(ds: xr.Dataset, places: Array, grid: PhaseSpaceGrid | None) -> xr.Dataset:
     own, length = ds["x"].values, _length(ds)
-    waves = _spectral(own, places, length)
+    waves = through_waves(own, places, length)
     fields: dict[str, xr.DataArray] = {}
     for ending in ENDINGS:
         names = [name + ending for name in ("density", *RATIOS) if name + ending in ds]
@@ -119,7 +119,10 @@ def _moments(m: dict[str, xr.DataArray], waves: Array, ending: str) -> dict[str,
     rho = m["density"].transpose(..., "x").values
     given: dict[str, Array] = {name: m[name].transpose(..., "x").values for name in RATIOS if name in m}
     missing = np.isnan(next(iter(given.values()))) & ~np.isnan(rho)
-    u = np.where(missing, 0.0, given.get("mean_velocity", 0.0))
+    u = given.get("mean_velocity", np.zeros_like(rho))
+    # Counted from their mean: u² would round θ away where the flow is much faster than the particles within it.
+    reference = float(np.nanmean(u)) if np.isfinite(u).any() else 0.0
+    u = np.where(missing, 0.0, u - reference)
     theta = np.where(missing, 0.0, given.get("temperature", 0.0))
     q = np.where(missing, 0.0, given.get("heat_flux", 0.0))
     densities = rho, rho * u, rho * (u**2 + theta), rho * u**3 + 3 * rho * u * theta + q
@@ -129,7 +132,8 @@ def _moments(m: dict[str, xr.DataArray], waves: Array, ending: str) -> dict[str,
     with np.errstate(divide="ignore", invalid="ignore"):
         u = np.where(missing, np.nan, p / rho)
         theta = e / rho - u**2
-    found = {"density": rho, "mean_velocity": u, "temperature": theta, "heat_flux": flux - rho * u**3 - 3 * rho * u * theta}
+        q = flux - rho * u**3 - 3 * rho * u * theta
+    found = {"density": rho, "mean_velocity": u + reference, "temperature": theta, "heat_flux": q}
     return {name + ending: _like(m[name], "x", found[name]) for name in m}
 
 
@@ -167,25 +171,12 @@ def _over_v(own: Array, values: Array, v: Array, linear: bool) -> Array:
     return result
 
 
-def _spectral(own: Array, v: Array, period: float | None = None) -> Array:
-    """Matrix from values at uniform points to those at v, of the trigonometric interpolant, by default with the points' cells as
-    its period."""
-    n = own.size
-    period = n * (own[1] - own[0]) if period is None else period
-    waves = np.arange(n // 2 + 1)
-    weight = np.full(waves.size, 2.0 / n)
-    weight[0] = 1.0 / n
-    if n % 2 == 0:
-        weight[-1] = 1.0 / n
-    angle = 2 * np.pi / period * (v[:, None] - own[None, :])
-    return np.asarray(np.tensordot(weight, np.cos(waves[:, None, None] * angle), axes=1))
+def _waves(own: Array, v: Array) -> Array:
+    """With the points' cells as the period."""
+    return through_waves(own, v, float(own.size * (own[1] - own[0])))
 
 
-def _spline(own: Array, v: Array) -> Array:
-    return np.asarray(make_interp_spline(own, np.eye(own.size), k=5)(v))
-
-
-WAYS = (_spectral, _spline)
+WAYS = (_waves, through_splines)
 
 
 def _map(field: xr.DataArray, dimension: str, along: Any) -> xr.DataArray:

@@ -8,6 +8,7 @@ for command in (
     run.run,
     sweep.sweep,
     look.plot,
+    look.animate,
     look.describe,
     theory.stability,
     compare.compare,

@@ -32,6 +32,9 @@ def compare(
         refuse_picture(output, first, second)
         if output is not None:
             refuse_existing(output, overwrite)
+        target = output.with_suffix(".png") if output else Path(f"{first.stem}-{second.stem}.png")
+        if figure:
+            refuse_existing(target, overwrite)
         found = lay_over(first, second, level, time)
         if as_json:
             print_json(found.facts())
@@ -46,7 +49,6 @@ def compare(
         if figure:
             from kinetic_solver.analysis.comparison_figure import save_comparison
 
-            target = output.with_suffix(".png") if output else Path(f"{first.stem}-{second.stem}.png")
             save_comparison(found, target)
             print(f"wrote {target}", file=say)
     if found.differ:

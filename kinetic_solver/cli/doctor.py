@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import typer
 
-from kinetic_solver.cli.app import FAILED, AsJson, exit_codes, print_json
+from kinetic_solver.cli.app import FAILED, AsJson, exit_codes, print_json, print_rows
 
 
 def doctor(as_json: AsJson = False) -> None:
@@ -18,8 +18,6 @@ def doctor(as_json: AsJson = False) -> None:
         else:
             for title, rows in found:
                 print(f"\n{title}")
-                width = max(len(label) for label, _ in rows)
-                for label, text in rows:
-                    print(f"  {label:<{width}}  {text}")
+                print_rows(rows)
     if not healthy:
         raise typer.Exit(FAILED)

@@ -10,12 +10,23 @@ import typer
 from kinetic_solver.cli.app import Overwrite, exit_codes
 
 
+def _names(incomplete: str) -> list[str]:
+    from kinetic_solver.scene.shipped import names
+
+    return [name for name in names() if name.startswith(incomplete)]
+
+
 def init(
     scene: Annotated[
         Path | None, typer.Argument(metavar="[SCENE.toml]", show_default=False, help="Default: scene.toml, or NAME.toml.")
     ] = None,
     example: Annotated[
-        str | None, typer.Option(metavar="NAME", help="One of the scenes that come with this software: pipe, cooling, …")
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="One of the scenes that come with this software: pipe, cooling, …",
+            autocompletion=_names,
+        ),
     ] = None,
     schema: Annotated[
         bool, typer.Option("--schema", help="Write the JSON schema of scenes instead, for editors: scene.schema.json.")

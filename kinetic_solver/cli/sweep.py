@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
-from kinetic_solver.cli.app import ScenePath, exit_codes, load
+from kinetic_solver.cli.app import METHOD_NAMES, ScenePath, completes, exit_codes, load
 
 
 def sweep(
@@ -20,7 +20,10 @@ def sweep(
         list[str],
         typer.Option("--set", metavar="a.b=VALUES", help="0.2:3:16 for 16 values from 0.2 to 3; 1,2,5 for these; or one value."),
     ],
-    method: Annotated[str, typer.Option(help="As of run: grid, exact, particles, or hydrodynamics.")] = "grid",
+    method: Annotated[
+        str,
+        typer.Option(help="As of run: grid, exact, particles, or hydrodynamics.", autocompletion=completes(*METHOD_NAMES)),
+    ] = "grid",
     scheduler: Annotated[
         str | None, typer.Option(metavar="ADDRESS", help="Of a dask.distributed cluster that sees the folder.")
     ] = None,

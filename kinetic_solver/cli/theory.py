@@ -25,6 +25,7 @@ def stability(
 ) -> None:
     """Linear theory: the closure's critical density, the kinetic spectrum, transient growth, the noise of N particles."""
     with exit_codes():
+        from kinetic_solver.dataset import refuse_existing
         from kinetic_solver.errors import SceneError
 
         if scene is None and not figure:
@@ -36,12 +37,14 @@ def stability(
         run = scene if scene.suffix == ".nc" else None
         if run is not None and overrides:
             raise SceneError("--set: a run's file holds its scene; allowed: with SCENE.toml")
+        target = output.with_suffix(".png") if output else Path(f"{scene.stem}-stability.png")
+        if figure:
+            refuse_existing(target, overwrite)
         loaded = _scene_of_run(run) if run is not None else load(scene, overrides)
         _stability(loaded, run, output, overwrite)
         if figure:
             from kinetic_solver.analysis.stability_figure import save_scene_figure
 
-            target = output.with_suffix(".png") if output else Path(f"{scene.stem}-stability.png")
             save_scene_figure(loaded, target)
             print(f"wrote {target}")
 
@@ -80,9 +83,10 @@ def _stability(scene: Scene, run: Path | None, output: Path | None, overwrite: b
 
 def _figure_1(target: Path, overwrite: bool) -> None:
     from kinetic_solver.analysis.figure_1 import save_figure_1
-    from kinetic_solver.dataset import write_dataset
+    from kinetic_solver.dataset import refuse_existing, write_dataset
     from kinetic_solver.stability import figure_1
 
+    refuse_existing(target.with_suffix(".png"), overwrite)
     dataset = figure_1()
     write_dataset(dataset, target, overwrite)
     save_figure_1(dataset, target.with_suffix(".png"))
@@ -108,6 +112,7 @@ def figure(
         refuse_picture(output)
         target = output or Path(f"figure_{number}{'_inelastic' if operator == 'inelastic' else ''}.nc")
         refuse_existing(target, overwrite)
+        refuse_existing(target.with_suffix(".png"), overwrite)
         if number == "closure":
             _figure_closure(target, operator, count, seed, overwrite)
         else:

@@ -13,6 +13,7 @@ docs/compare.md.
 from __future__ import annotations
 
 import dataclasses
+import math
 from typing import Any
 
 import numpy as np
@@ -26,8 +27,10 @@ from kinetic_solver.scene import Scene
 LEVEL = 0.01
 """Rate at which two datasets of the same scene may be said to differ."""
 WIDE = 0.1
-"""Of a field's scale: where the systematic parts may be larger, that no difference is found says too little. Chosen: half of what
+"""Of a field's scale: where differences may be larger and not be seen, that none is found says too little. Chosen: half of what
 makes two curves look different."""
+ERRORS = 2.0
+"""Standard errors that chance covers: smaller differences are not seen."""
 MOST_LINES = 25
 """Rows that the table shows; of more than that, it shows one for each field."""
 
@@ -64,8 +67,15 @@ class Comparison:
 
     @property
     def hidden(self) -> float:
-        """The largest share of a scale that is granted to the systematic parts: differences up to there are not judged."""
-        return max(row.bound / row.scale for row in self.rows)
+        """The largest share of a scale up to which differences are not judged: what is granted to the systematic parts, and with
+        it what chance covers at the time, or in the mean over frames, at which a field is known best. (Not of f, whose cells hold
+        few particles: w(v) and the fields over x are its sums.)"""
+        best: dict[str, float] = {}
+        for row in self.rows:
+            chance = ERRORS * math.sqrt(float(np.mean(np.nan_to_num(row.error) ** 2)))
+            share = (row.bound + (chance if row.field != "f" else 0.0)) / row.scale
+            best[row.field] = min(best.get(row.field, math.inf), share)
+        return max(*best.values(), *(row.bound / row.scale for row in self.rows))
 
     @property
     def conclusive(self) -> bool:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.interpolate import make_interp_spline
 
 from kinetic_solver.arrays import Array
+from kinetic_solver.interpolation import through_splines, through_waves
 
 
 def waves_of(values: Array, nx: int) -> Array:
@@ -19,20 +19,14 @@ def at_points(values: Array, nx: int) -> Array:
     own = values.shape[-1]
     if own == nx:
         return values
-    modes = np.fft.rfft(values, axis=-1, norm="forward")
-    weight = np.full(modes.shape[-1], 2.0)
-    weight[0] = 1.0
-    if own % 2 == 0:
-        weight[-1] = 1.0
-    waves = np.exp(2j * np.pi * np.outer(np.arange(weight.size), np.arange(nx)) / nx)
-    return np.asarray(((weight * modes) @ waves).real)
+    return np.asarray(values @ through_waves(np.arange(own) / own, np.arange(nx) / nx, 1.0).T)
 
 
 def over_v(own: Array, values: Array, v: Array) -> Array:
     """Values (…, len(own)) at the velocities v within `own`, by a quintic spline."""
     if own.size == v.size and np.allclose(own, v, rtol=0, atol=1e-12 * np.abs(own).max()):
         return values
-    return np.asarray(make_interp_spline(own, values, k=5, axis=-1)(v))
+    return np.asarray(values @ through_splines(own, v).T)
 
 
 def shortest_waves(values: Array) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import json
+import re
 import sys
 from datetime import UTC, datetime
 from importlib import metadata
@@ -15,7 +16,14 @@ from kinetic_solver.laws import CollisionLaw
 from kinetic_solver.scene import Scene
 
 PACKAGES = ("numpy", "scipy", "numba", "pyfftw", "xarray", "netCDF4")
-_version = functools.cache(metadata.version)
+
+
+@functools.cache
+def _version(package: str) -> str:
+    """As metadata.version, which reads all that a package says of itself where one line is wanted: 3 ms for all of them."""
+    said = metadata.distribution(package).read_text("METADATA")
+    found = re.search(r"^Version: (\S+)", said or "", re.MULTILINE)
+    return found[1] if found is not None else metadata.version(package)
 
 
 def version() -> str:

@@ -65,7 +65,7 @@ class ClosureSteps:
             if speed > self._bound:
                 raise SolverStopped(
                     f"t = {now:.6g}: waves of speed {speed:.3g}: the closure runs away (shocks heat what collisions drive); "
-                    "end before that, or lower initial.density"
+                    "end before that (run.end_time), or lower initial.density"
                 )
             count = math.ceil((end - now) / step * (1 - 1e-12))
             while True:

@@ -11,21 +11,20 @@ from kinetic_solver.hydrodynamics.plan import Plan, make_plan
 from kinetic_solver.hydrodynamics.records import variables
 from kinetic_solver.hydrodynamics.refinement import RefinedRun
 from kinetic_solver.hydrodynamics.spectral import SpectralRun
+from kinetic_solver.progress import Progress, telling
 from kinetic_solver.scene import Scene
 from kinetic_solver.threads import one_blas_thread
 
 if TYPE_CHECKING:
     import xarray as xr
 
-Progress = Callable[[float, float], None]
-"""Called as progress(time, end time)."""
 Run = RefinedRun | SpectralRun
 AfterStep = Callable[[Run], None]
 Report = dict[str, Any]
 """Attributes of the dataset."""
 
 
-def solve(scene: Scene, progress: Progress | None = None) -> xr.Dataset:
+def solve(scene: Scene, progress: bool | Progress | None = None) -> xr.Dataset:
     """The paper's hydrodynamic equations for `scene`: density, mean velocity, temperature and heat flux over (time, x), and
     totals.
 
@@ -33,11 +32,13 @@ def solve(scene: Scene, progress: Progress | None = None) -> xr.Dataset:
     closure is solved as conservation laws: mass to rounding, density and temperature positive, shocks captured, order 3 in time
     and 5 in x. What [grid] leaves open is refined until `accuracy.rtol` is met: in the maximum norm while the flow is smooth,
     in L1 once it has jumps; the attributes say which, and the errors estimated. Values are at the points x. Raises SceneError
-    where the scene cannot be run, and SolverStopped where a run cannot go on. Tests: tests/hydrodynamics/."""
-    plan = make_plan(scene)
-    recorder = MemoryRecorder(plan.output, scene, plan.schedule, "hydrodynamics", variables(plan))
-    with recording(recorder):
-        report = integrate(plan, recorder, progress)
+    where the scene cannot be run, and SolverStopped where a run cannot go on. `progress` as of `kinetic_solver.solve`. Tests:
+    tests/hydrodynamics/."""
+    with telling(progress) as told:
+        plan = make_plan(scene)
+        recorder = MemoryRecorder(plan.output, scene, plan.schedule, "hydrodynamics", variables(plan))
+        with recording(recorder):
+            report = integrate(plan, recorder, told)
     recorder.close(report=report)
     return recorder.dataset().drop_dims("v")
 

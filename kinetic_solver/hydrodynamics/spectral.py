@@ -173,6 +173,6 @@ class SpectralRun:
     def _lost(self, now: float) -> SolverStopped:
         where = f"{self.state.shape[0] - 1} waves" + ("" if self._given is None else f" (grid.nx = {self._given})")
         return SolverStopped(
-            f"t = {now:.6g}: the hierarchy of {self.plan.moments} moments grows beyond what {where} resolve; end before that, "
-            "raise hydrodynamics.moments, or lower initial.density"
+            f"t = {now:.6g}: the hierarchy of {self.plan.moments} moments grows beyond what {where} resolve; end before that "
+            "(run.end_time), raise hydrodynamics.moments, or lower initial.density"
         )

@@ -14,6 +14,9 @@ import numba
 import numpy as np
 
 from kinetic_solver.arrays import Array
+from kinetic_solver.compiling import watch
+
+watch()
 
 SMOOTH = 1e-3
 """Variations below this share of the local density count as smooth: of the reconstructions of smooth extrema, waves of a few per

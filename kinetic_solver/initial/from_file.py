@@ -13,6 +13,7 @@ from kinetic_solver.arrays import Array
 from kinetic_solver.dataset import open_netcdf, scales_of, velocity_axis
 from kinetic_solver.errors import SceneError
 from kinetic_solver.initial.coordinates import Points, uniform_points
+from kinetic_solver.interpolation import through_splines
 from kinetic_solver.scene import Scene
 
 if TYPE_CHECKING:
@@ -28,14 +29,12 @@ def from_file(scene: Scene, x: Array, v: Array) -> Array:
     In x, of which the file may have any points of one period, the trigonometric interpolant, in v a cubic spline, zero outside
     the file's window; both exact where the points agree. Raises SceneError as `read_state`.
     """
-    from scipy.interpolate import make_interp_spline
-
     there, length = read_state(scene), scene.pipe.length
     state, old_v = there.f, there.v
     if not (old_v.shape == v.shape and np.allclose(old_v, v, rtol=1e-12, atol=1e-12 * (v[-1] - v[0]))):
         inside = (v >= old_v[0]) & (v <= old_v[-1])
-        spline = make_interp_spline(old_v, state, k=3, axis=1)
-        state = np.where(inside, spline(np.clip(v, old_v[0], old_v[-1])), 0.0)
+        within = np.clip(v, old_v[0], old_v[-1])
+        state = np.where(inside, state @ through_splines(old_v, within, degree=3).T, 0.0)
     old_nx = state.shape[0]
     shifted = abs(there.first) > SAME_PLACE * length
     if old_nx != x.size or shifted:

@@ -15,7 +15,7 @@ from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.initial import Given, Start, notes_of
 from kinetic_solver.laws import CollisionLaw
 from kinetic_solver.methods.interruption import Interruption, Keeper
-from kinetic_solver.methods.progress import Progress
+from kinetic_solver.progress import Progress
 from kinetic_solver.scene import Scene, Schedule
 
 

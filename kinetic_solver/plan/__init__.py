@@ -1,5 +1,8 @@
 """What a run will use, decided before it starts, and why."""
 
-from kinetic_solver.plan.plan import Plan, check_memory, make_plan
+from kinetic_solver.plan.cost import Cost, cost
+from kinetic_solver.plan.limits import check_memory
+from kinetic_solver.plan.making import make_plan
+from kinetic_solver.plan.plan import Plan
 
-__all__ = ["Plan", "check_memory", "make_plan"]
+__all__ = ["Cost", "Plan", "check_memory", "cost", "make_plan"]

@@ -61,9 +61,10 @@ def check_given(scales: Scales) -> None:
     if scene.grid.velocity_window is not None:
         (low, high), (slowest, fastest) = scene.grid.velocity_window, scales.means
         if not (low < slowest and fastest < high):
+            holding = in_v.window(scales)
             raise SceneError(
                 f"grid.velocity_window = [{low:g}, {high:g}]: does not hold the mean velocities from {slowest:.4g} to "
-                f"{fastest:.4g} that the flow takes; allowed: a window some standard deviations wider than these"
+                f"{fastest:.4g} that the flow takes; allowed: one that does, as [{holding.low:.4g}, {holding.high:.4g}]"
             )
     if scene.grid.nx is not None and not scales.start.homogeneous and scene.initial.file is None:
         least = in_x.least_points(scales)
@@ -183,7 +184,7 @@ def time_step(
         found = in_t.longest_strang_step(scales, waves)
         return found.value, found.reason
     limits = [in_t.longest_gap(scales)]
-    if scene.output.budgets is not False:
+    if scene.output.budgets is not False and scales.amplifies and velocity == "points":
         limits.append(in_t.budget_step(scales))
     if not scales.amplifies:
         limits.append(in_t.longest_believed(scales, waves))

@@ -15,6 +15,7 @@ from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.operators.velocity.kernel import resolution
 from kinetic_solver.plan import measured
 from kinetic_solver.plan.criterion import Criterion
+from kinetic_solver.plan.refusal import Refused, Remedy
 from kinetic_solver.plan.scales import Scales
 from kinetic_solver.plan.waves import Waves
 from kinetic_solver.scene import SteppingScheme
@@ -28,6 +29,21 @@ ERROR_SHARE = {True: 0.3, False: 0.4}
 STABLE = 5.0
 """Step times collision frequency at the window's edge that the extrapolated Lawson method is expected to take: its base method,
 two steps of which make one, is stable to 2.8. It only foretells the number of steps. Chosen."""
+MOST_GROWTH = 300.0
+"""Exponent of the largest growth that is told from more."""
+MOST_STEPS = 1_000_000
+"""Of a run, between frames: more would take hours on the smallest grid."""
+FEWER_STEPS = (
+    Remedy("run.end_time", "less"),
+    Remedy("collisions.cross_section", "less"),
+    Remedy("initial.density", "less"),
+    Remedy("model.friction", "less"),
+    Remedy("initial.temperature", "less"),
+    Remedy("pipe.length", "more"),
+)
+"""What may bring the number of steps down."""
+FORGOTTEN = 5.0
+"""Relaxation times for which the errors of steps last: exp(-5) of them is left then."""
 MIXING = (6.0, 12, 4)
 """(a, n, m): budgets are integrated on up to n intervals, m for each mode, within a/(k√θ_min), in which free motion mixes the
 start's longest wave k away. Chosen."""
@@ -40,15 +56,15 @@ def farthest_exact_step(scales: Scales) -> float:
     return min(free / scales.collision_rate, relaxation / friction if friction > 0 else math.inf, scales.end)
 
 
-def shortest_exact_step(scales: Scales, waves: Waves, grid: PhaseSpaceGrid) -> float:
+def shortest_exact_step(scales: Scales, waves: Waves, grid: PhaseSpaceGrid, widths: float | None = None) -> float:
     """The time after which dv resolves the kernel, twice that in the local gauge; where none does, the farthest step.
 
-    The kernel's width after h is √(σ(1 - exp(-2γh))); it is to be `resolution`(rtol) times dv.
+    The kernel's width after h is √(σ(1 - exp(-2γh))); it is to be `widths` times dv, `resolution`(rtol) unless given.
     """
     gamma, sigma = scales.scene.model.friction, scales.scene.model.noise
     if gamma * sigma == 0 or scales.law is None:
         return 0.0
-    spread = (resolution(scales.rtol) * grid.dv) ** 2 / sigma
+    spread = ((resolution(scales.rtol) if widths is None else widths) * grid.dv) ** 2 / sigma
     longest = farthest_exact_step(scales)
     if spread >= 1:
         return longest
@@ -77,7 +93,12 @@ def strang_coefficient(scales: Scales) -> float:
 
 def amplified_error(scales: Scales) -> float:
     """By how much the errors of steps grow with (6) until the end of the run."""
-    return math.exp(measured.AMPLIFIED * scales.amplification) if scales.amplifies else 1.0
+    return grown(measured.AMPLIFIED * scales.amplification) if scales.amplifies else 1.0
+
+
+def grown(exponent: float) -> float:
+    """exp, or a number so large that whatever grows by it is out of reach."""
+    return math.exp(min(exponent, MOST_GROWTH))
 
 
 def commutation_rate(scales: Scales, waves: Waves) -> float:
@@ -115,14 +136,33 @@ def shortest_step_that_fills(scales: Scales, time_step: float) -> float:
 def expected_steps(scales: Scales, waves: Waves, stepping: SteppingScheme, time_step: float | None) -> int:
     """How many steps a run will take; with error control, about. Exact ones end at frames and at the links of their chain."""
     h = math.inf if time_step is None else time_step
+    _check_number(scales, scales.end / h)
     if stepping == "exact":
         links = h * np.arange(1, count_of(scales.end, h)) if h < scales.end else np.empty(0)
         return int(np.unique(np.round(np.concatenate([links, scales.times[1:]]) / scales.end, 9)).size)
     if stepping == "extrapolated" and scales.scene.grid.time_step is None:
         by_accuracy = (scales.rtol / measured.LAWSON_ERROR) ** 0.2 / commutation_rate(scales, waves)
         fastest = scales.collision_rate * scales.tail
-        h = min(h, by_accuracy, STABLE / fastest if fastest > 0 else math.inf)
+        h = min(h, by_accuracy, STABLE / fastest if fastest > 0 else math.inf, _by_error_of_collisions(scales))
+    _check_number(scales, scales.end / h)
     return sum(count_of(float(gap), h) for gap in np.diff(scales.times))
+
+
+def _check_number(scales: Scales, steps: float) -> None:
+    if steps > MOST_STEPS and scales.scene.grid.time_step is None:
+        raise Refused(
+            f"run.end_time = {scales.end:g}: {steps:.2g} steps in time would be needed, more than {MOST_STEPS}",
+            FEWER_STEPS,
+        )
+
+
+def _by_error_of_collisions(scales: Scales) -> float:
+    """The step at which an extrapolated Lawson step of collisions alone makes its share of the error, as was measured."""
+    rate = scales.collision_rate
+    lasting = scales.end if scales.forgetting == 0 else min(scales.end, FORGOTTEN / scales.forgetting)
+    if scales.amplifies or rate * lasting == 0:
+        return math.inf
+    return float((ERROR_SHARE[False] * scales.rtol / (measured.LAWSON_COLLISIONS * rate * lasting)) ** 0.25 / rate)
 
 
 def error_share(scales: Scales) -> float:

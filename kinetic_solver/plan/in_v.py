@@ -6,10 +6,12 @@ kernels that it cannot resolve, and by the schemes that replace them. The rules 
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kinetic_solver import initial
 from kinetic_solver.arrays import Array
@@ -23,7 +25,7 @@ from kinetic_solver.plan.waves import DROPPED, Waves
 from kinetic_solver.scene import Deposit, DriftDiffusionScheme, Model, SteppingScheme
 from kinetic_solver.stability.homogeneous import homogeneous_state
 from kinetic_solver.stability.scaling import cooling_state
-from kinetic_solver.theory.ornstein_uhlenbeck import bridge_variances, half_transport_time, transition
+from kinetic_solver.theory.ornstein_uhlenbeck import bridge_variance, bridge_variances, half_transport_time, transition
 
 LEAST_POINTS = 8
 """In v: fewer hold no distribution."""
@@ -126,9 +128,18 @@ def narrowest(scales: Scales, waves: Waves, schemes: Schemes) -> Criterion:
     longest = scales.end if schemes.stepping == "exact" else float(np.diff(scales.times).max())
     k, digits = waves.in_play
     model, longest = scales.scene.model, min(longest, schemes.time_step or math.inf)
-    shear = k * np.array([half_transport_time(model.friction, h) for h in _until_faded(model, k, longest).tolist()])
+    moved = _until_faded(model, k, longest)
+    if scales.law is None:
+        # Nothing is looked at before the first frame, and nothing couples: waves that have faded by then are never held.
+        moved[faded_after(model, k, min(longest, float(scales.times[1])))] = 0.0
+    shear = k * np.array([half_transport_time(model.friction, h) for h in moved.tolist()])
     spectrum = float((shear + np.sqrt(2 * digits / scales.theta_min)).max())
     return Criterion(min(math.pi / spectrum, math.sqrt(scales.theta_min) / NARROWEST), "the narrowest velocity distribution")
+
+
+def faded_after(model: Model, k: Array, h: float) -> NDArray[np.bool_]:
+    """Which of the waves k noise has damped away after h."""
+    return np.asarray(k**2 * bridge_variance(model, h) / 2 > FADED)
 
 
 LOOKED_AT = np.geomspace(1e-6, 1.0, 300)
@@ -139,8 +150,14 @@ def _until_faded(model: Model, k: Array, longest: float) -> Array:
     """The longest step that moves waves k: those that noise damps away within it are left out (operators/linear.py)."""
     h = longest * LOOKED_AT
     with np.errstate(divide="ignore"):
-        gone = np.searchsorted(bridge_variances(model, h), 2 * FADED / k**2)
+        gone = np.searchsorted(_bridges(model, longest), 2 * FADED / k**2)
     return np.asarray(h[np.minimum(gone, h.size - 1)])
+
+
+@functools.lru_cache(maxsize=64)
+def _bridges(model: Model, longest: float) -> Array:
+    """`bridge_variances` at these shares of a step. Kept, for the scenes of a sweep have many in common; read only."""
+    return bridge_variances(model, longest * LOOKED_AT)
 
 
 def exact_step_spacing(scales: Scales, waves: Waves, h: float) -> float:
@@ -168,7 +185,7 @@ def tail_weight(scales: Scales) -> float:
     """By how much the finite volumes' error grows with what (6) amplifies."""
     r = scales.amplification if scales.amplifies else 1.0
     strong, exponent = measured.STRONG_AMPLIFICATION
-    return (1 + r**2 + r**3) * math.exp(exponent * max(0.0, r - strong))
+    return (1 + r**2 + r**3) * in_t.grown(exponent * max(0.0, r - strong))
 
 
 def _off_equilibrium(scales: Scales) -> float:

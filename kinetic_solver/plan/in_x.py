@@ -10,11 +10,11 @@ import math
 import numpy as np
 
 from kinetic_solver.arrays import Array
-from kinetic_solver.errors import SceneError
 from kinetic_solver.plan import measured
 from kinetic_solver.plan.criterion import Criterion
+from kinetic_solver.plan.refusal import MORE_RTOL, Refused, Remedy
 from kinetic_solver.plan.scales import Scales
-from kinetic_solver.plan.waves import DROPPED, MOST_MODES, MOST_OF_A_STEP, Waves
+from kinetic_solver.plan.waves import DROPPED, GIVEN_NX, MOST_MODES, MOST_OF_A_STEP, SMOOTH, Waves
 
 WATCHED = 8 / 7
 """The highest eighth of the modes stays empty at first: the monitor looks at it (solver/monitor.py)."""
@@ -22,12 +22,19 @@ DAMPED = 1.25
 """In the local gauge a fifth: it damps the highest tenth of the modes (operators/transport.py, resolved waves)."""
 ROOM = 4
 """Modes besides. Chosen: a start of one mode still has somewhere to put its products."""
+FEWER_MODES = (
+    MORE_RTOL,
+    Remedy("pipe.length", "less"),
+    Remedy("collisions.cross_section", "less"),
+    Remedy("initial.density", "less"),
+)
+"""What may bring the number of modes down."""
 THIN = 0.02
 """Of the largest density, added to ρ where 1/ρ is looked at: places thinner than that add nothing to f. Chosen."""
 
 
 def points(scales: Scales, waves: Waves) -> Criterion:
-    """nx. Raises SceneError where more than MOST_MODES modes would be needed."""
+    """nx. Raises Refused where more than MOST_MODES modes would be needed."""
     scene = scales.scene
     if scales.start.homogeneous:
         return Criterion(1, "nothing depends on x")
@@ -46,26 +53,34 @@ def points(scales: Scales, waves: Waves) -> Criterion:
             # The global gauge transforms f exp(SΦ), which has waves of its own.
             n = max(n, math.ceil(WATCHED * waves.highest(waves.lifted_amplitudes)))
     if n > MOST_MODES:
-        raise SceneError(f"grid.nx: {n} modes would be needed; allowed: {MOST_MODES}; raise accuracy.rtol or shorten pipe.length")
+        raise Refused(f"pipe.length = {scene.pipe.length:g}: {n:.3g} modes would be needed, more than {MOST_MODES}", FEWER_MODES)
     return Criterion(fast_odd(2 * n + 1), reason)
 
 
 def products_of_a_step(scales: Scales, waves: Waves) -> int:
     """Modes that keep what products of a step's waves miss below rtol/3 of f: it falls as dx³ (`measured.STEP_PRODUCTS`)."""
-    friction, law = scales.scene.model.friction, scales.law
-    if not waves.products_of_a_step or scales.amplifies or law is None or friction == 0:
+    error = error_of_step_products(scales, waves, 1)
+    if error == 0:
         return 0
-    contrast = law.frequency(float(np.ptp(scales.density)), scales.theta_max) / math.sqrt(scales.theta_max)
-    path = math.sqrt(scales.narrowest) * min(1 / friction, 2 * float(scales.times[1]))
-    dx = (scales.rtol / 3 * path**2 / (measured.STEP_PRODUCTS * contrast)) ** (1 / 3)
-    modes = math.ceil(scales.scene.pipe.length / dx / 2)
+    modes = math.ceil((3 * error / scales.rtol) ** (1 / 3) / 2)
     if modes > (most := MOST_OF_A_STEP["products"]) and scales.scene.grid.nx is None:
-        coarse = 1.1 * scales.asked_for(scales.rtol * (modes / most) ** 3)
-        raise SceneError(
-            f"accuracy.rtol: the products of a jump's waves that these collisions make would need {modes} modes, more than "
-            f"{most}; allowed: {coarse:.2g} or more, smooth modes, or a given grid.nx"
+        raise Refused(
+            "accuracy.rtol: the products of a jump's waves that these collisions make would need "
+            f"{modes:.3g} modes, more than {most}",
+            (MORE_RTOL, Remedy("collisions.cross_section", "less"), Remedy("run.output_every", "more")),
+            (SMOOTH, GIVEN_NX),
         )
     return modes
+
+
+def error_of_step_products(scales: Scales, waves: Waves, nx: int) -> float:
+    """What products of a step's waves with (12) miss of f on nx points, over its maximum; 0 of everything else."""
+    friction, law = scales.scene.model.friction, scales.law
+    if not waves.products_of_a_step or scales.amplifies or law is None or friction <= 0:
+        return 0.0
+    contrast = law.frequency(float(np.ptp(scales.density)), scales.theta_max) / math.sqrt(scales.theta_max)
+    path = math.sqrt(scales.narrowest) * min(1 / friction, 2 * float(scales.times[1]))
+    return measured.STEP_PRODUCTS * contrast * (scales.scene.pipe.length / nx) ** 3 / path**2
 
 
 def points_from_now_on(scales: Scales, waves: Waves, modes: int, density: Array) -> int:

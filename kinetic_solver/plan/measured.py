@@ -55,6 +55,9 @@ AMPLIFIED = 0.3
 """Errors of steps with (6) grow as exp(0.3 R_t) until the end of the run. benchmarks/accuracy_rules.py, R* from 0.3 to 5."""
 LAWSON_ERROR = 1.2e-4
 """Error of the extrapolated Lawson method over (rate·h)^5; it only foretells how many steps. benchmarks/accuracy_rules.py."""
+LAWSON_COLLISIONS = 1e-3
+"""Error of a step of that method with (12) over (ν h)^5, where collisions are fastest; it only foretells how many steps, at R*
+from 1 to 5 within a factor of two. benchmarks/random_scenes.py."""
 EXTRAPOLATED_STRANG_STEP = (0.15, 1e-4, 1 / 8)
 """(a, r, p): error control with (6) takes steps of about a/rate·min(1, rtol/r)^p, p from order 8. benchmarks/time_steppers.py."""
 BUDGET_STEP = 0.25

@@ -6,7 +6,7 @@ import numpy as np
 
 from kinetic_solver.arrays import Array
 from kinetic_solver.scene import Model
-from kinetic_solver.theory.ornstein_uhlenbeck import transition
+from kinetic_solver.theory.ornstein_uhlenbeck import Transition, transition
 
 
 def mixing(model: Model, k: Array, digits: Array, theta: float, left: float, first: float | None = None) -> float:
@@ -16,20 +16,19 @@ def mixing(model: Model, k: Array, digits: Array, theta: float, left: float, fir
     at x-wavenumber k it has its peak at q = -kC/V with amplitude exp(-k²(D - C²/V)/2) and width V^(-1/2), where V, C, D are the
     variances and the covariance of velocity and displacement. `first` is the earliest time that is looked at.
     """
-    worst = 0.0
     times = np.linspace(0, left, 65)[1:]
     if first is not None and first < times[0]:
         times = np.concatenate([np.geomspace(first, times[0], 33), times])
-    for t in times:
-        step = transition(model, float(t))
-        e, b = step.decay, step.drift_time
-        variance = theta * e * e + step.velocity_variance
-        if variance == 0:
-            continue
-        covariance = theta * b * e + step.covariance
-        rest = theta * b * b + step.displacement_variance - covariance**2 / variance
+    steps = [transition(model, float(time)) for time in times]
+    e, b, s2, c, r = np.array([_statistics(step) for step in steps]).T[:, :, None]
+    variance = theta * e * e + s2
+    covariance = theta * b * e + c
+    with np.errstate(divide="ignore", invalid="ignore"):  # what has no variance of velocity does not mix
+        rest = theta * b * b + r - covariance**2 / variance
         room = 2 * (digits - k**2 * rest / 2)
-        alive = room > 0
-        q = k[alive] * covariance / variance + np.sqrt(room[alive] / variance)
-        worst = max(worst, float(q.max(initial=0.0)))
-    return worst
+        q = k * covariance / variance + np.sqrt(room / variance)
+    return float(q.max(initial=0.0, where=(variance > 0) & (room > 0)))
+
+
+def _statistics(step: Transition) -> tuple[float, float, float, float, float]:
+    return step.decay, step.drift_time, step.velocity_variance, step.covariance, step.displacement_variance

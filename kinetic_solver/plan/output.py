@@ -6,17 +6,20 @@ import math
 from dataclasses import replace
 
 from kinetic_solver.arrays import Array
-from kinetic_solver.errors import SceneError
 from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.machine import too_large
+from kinetic_solver.plan.limits import FEWER_VELOCITIES, MOST_VELOCITIES
 from kinetic_solver.plan.moving_frame import ReferenceFrame
+from kinetic_solver.plan.refusal import Refused, Remedy
 from kinetic_solver.scene import Scene
 
-MOST_VELOCITIES = 20_000
-"""Of the output of a noiseless run. Chosen: more are asked for by mistake."""
 LEAST_PLACES, LEAST_VELOCITIES = 65, 64
 """At which fields are given where no key says how many; one place where nothing depends on x. Chosen: a wave, and a Maxwellian,
 look smooth on them, and an odd number of places holds whole waves, for whoever starts from them."""
+NARROWED = 0.1
+"""Scale of a noiseless frame from which on it is to blame. Chosen: for words only."""
+APART = 1e-9
+"""Of the largest velocity, that neighbours must be apart for doubles to tell them well. Chosen."""
 OUTPUT_ARRAYS = 4
 """Arrays of the output's size alive at once: f interpolated in x, in v, and as it is written. Counted, generously."""
 
@@ -35,8 +38,14 @@ def output_grids(
     low, high = given.velocity_window or (whole.low, whole.high)
     nv = whole.nv if scene.grid.nv else max(LEAST_VELOCITIES, math.ceil((high - low) / whole.dv - 1e-9))
     output = replace(whole, nv=given.nv or nv, low=low, high=high)
+    if whole.dv < APART * (farthest := max(abs(whole.low), abs(whole.high))):
+        raise Refused(
+            f"initial.mean_velocity: of velocities as large as {farthest:.3g} doubles cannot tell those {whole.dv:.3g} apart",
+            FEWER_VELOCITIES,
+        )
     if (why := too_large(8 * OUTPUT_ARRAYS * output.nx * output.nv)) is not None:
-        raise SceneError(f"output: nx = {output.nx}, nv = {output.nv} {why}; reduce output.nx or output.nv")
+        given_keys = (Remedy("output.nx", "less"), Remedy("output.nv", "less"))
+        raise Refused(f"output: nx = {output.nx}, nv = {output.nv} {why}", (*given_keys, *FEWER_VELOCITIES))
     return output, whole
 
 
@@ -51,8 +60,15 @@ def _holding_all(grid: PhaseSpaceGrid, frame: ReferenceFrame, times: Array, scen
     high = max(place.velocity + place.scale * grid.high for place in places)
     nv = math.ceil((high - low) / (grid.dv * min(place.scale for place in places)) - 1e-9)
     if nv > MOST_VELOCITIES:
-        raise SceneError(
-            f"run.end_time = {scene.run.end_time:g}: without noise the velocity distribution becomes so narrow that the output "
-            f"would need {nv} velocities; allowed: {MOST_VELOCITIES}; end the run earlier"
+        narrow = min(place.scale for place in places) < NARROWED
+        why = (
+            "without noise the velocity distribution becomes so narrow"
+            if narrow
+            else f"the flow takes velocities so far apart, from {low:.3g} to {high:.3g},"
+        )
+        raise Refused(
+            f"run.end_time = {scene.run.end_time:g}: {why} that the output would need {nv:.3g} of them, more than "
+            f"{MOST_VELOCITIES}",
+            FEWER_VELOCITIES,
         )
     return PhaseSpaceGrid(grid.nx, nv, grid.length, low, high)

@@ -5,6 +5,7 @@ Symbols as in docs/accuracy.md: y standard deviations of tail, θ_max and θ_min
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import math
 from dataclasses import dataclass
@@ -12,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from kinetic_solver.arrays import Array
+from kinetic_solver.errors import SceneError
 from kinetic_solver.initial import SceneStart, Start
 from kinetic_solver.laws import CollisionLaw, FollowTheLeader, Inelastic
 from kinetic_solver.scene import Scene
@@ -104,6 +106,12 @@ class Scales:
     def cross_section(self) -> float:
         """S of operator (6); 0 of any other law."""
         return self.law.cross_section if isinstance(self.law, FollowTheLeader) else 0.0
+
+    @property
+    def of_one_shape(self) -> bool:
+        """True where the start is made of Gaussians that are the same at every x, but for their density."""
+        uniform = not (np.ptp(self.mean_velocity, axis=1).any() or np.ptp(self.temperature, axis=1).any())
+        return self.start.gaussian and uniform
 
     @property
     def thinnest(self) -> float:
@@ -266,6 +274,8 @@ def _haff(law: Inelastic, whole: Transition, density: float, theta: float) -> fl
 
 
 def _state_at_density(scene: Scene, density: float) -> HomogeneousState | None:
-    """None where there is none."""
+    """None where there is none, and where it cannot be computed: it only makes a grid smaller."""
     start = scene.initial.model_copy(update={"density": density})
-    return homogeneous_state(scene.model_copy(update={"initial": start}))
+    with contextlib.suppress(SceneError):
+        return homogeneous_state(scene.model_copy(update={"initial": start}))
+    return None

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from kinetic_solver.arrays import Array
-from kinetic_solver.errors import SceneError
 from kinetic_solver.operators.fourier import relative_amplitudes
 from kinetic_solver.plan.measured import LEAST_RTOL_OF_A_STEP
 from kinetic_solver.plan.mixing import mixing
+from kinetic_solver.plan.refusal import MORE_RTOL, Refused, Remedy
 from kinetic_solver.plan.scales import Scales
 from kinetic_solver.theory.ornstein_uhlenbeck import transition
 
@@ -26,12 +26,11 @@ MOST_MODES = 20_000
 """More are asked for by mistake, not by need."""
 MOST_OF_A_STEP = {"none": 20_000, "global": 17_000, "products": 2_500}
 """Modes of a density step: without collisions, with (6) in the global gauge, and where products need twice as many."""
-MOST_RTOL = 0.1
-"""The largest accuracy.rtol that a scene may have."""
 BUDGETS_OF_A_STEP = (16.0, 1000)
 """(a, n): budgets want a step's waves as of an a-th of the first frame's time, but no more than n. Chosen."""
-MUCH_LATER = 1e6
-"""Times the first frame's: how far a time at which rtol could be met is looked for."""
+MORE_NOISE = (Remedy("model.friction", "more"), Remedy("model.noise", "more"))
+SMOOTH, GIVEN_NX = "initial.modes in its place", "a given grid.nx"
+"""What else mends a density step that is refused."""
 RANGE_OF_A_STEP = 16.0
 """Of SΦ, beyond which a density step takes the local gauge: what the grid misses of f exp(SΦ) is divided by as much where
 that is least. Chosen."""
@@ -115,15 +114,16 @@ class Waves:
         others together leave of f is below rtol/DROPPED.
 
         With operator (6) in the global gauge they are those of f exp(SΦ), and what is left out counts exp(S·range of Φ) times
-        where that is least. Raises SceneError where they are more than MOST_OF_A_STEP, unless grid.nx is given.
+        where that is least. Raises Refused where they are more than MOST_OF_A_STEP, unless grid.nx is given.
         """
         scene, first, rtol = self.scales.scene, float(self.scales.times[1]), self.scales.rtol
         local = self.products_of_a_step and self.scales.amplifies
         if local and rtol < LEAST_RTOL_OF_A_STEP and scene.grid.nx is None:
-            raise SceneError(
+            raise Refused(
                 f"accuracy.rtol: with initial.step f is accurate to {LEAST_RTOL_OF_A_STEP:g} only, where collisions are so many "
-                f"that (6) takes the local gauge; allowed: {_up(self.scales.asked_for(LEAST_RTOL_OF_A_STEP))} or more, smooth "
-                "modes, or a given grid.nx"
+                "that (6) takes the local gauge",
+                (MORE_RTOL, Remedy("collisions.cross_section", "less")),
+                (SMOOTH, GIVEN_NX),
             )
         allowed = self.scales.rtol / DROPPED
         left_out = self._left_out(first)
@@ -139,26 +139,16 @@ class Waves:
             return min(left_out.size, scene.grid.nx // 2)
         unseen = scene.output.f is False and self.scales.law is None
         if self._left_at_fixed_velocity(first) == 0 and not unseen:
-            hidden = "output.f = false, " if self.scales.law is None else ""
-            raise SceneError(
-                f"initial.step: without noise a jump in f stays a jump, which no waves can hold; allowed: {hidden}"
-                "model.friction and model.noise > 0, smooth modes, or a given grid.nx"
+            hidden = ("output.f = false",) if self.scales.law is None else ()
+            raise Refused(
+                "initial.step: without noise a jump in f stays a jump, which no waves can hold",
+                MORE_NOISE,
+                (*hidden, SMOOTH, GIVEN_NX),
             )
-        from scipy.optimize import brentq  # here: most runs do without SciPy, which is slow to load
-
-        advice, later = [], first
-        while self._left_out(later)[-1] > allowed and later < MUCH_LATER * first:
-            later *= 2
-        if self._left_out(later)[-1] <= allowed:
-            enough = brentq(lambda t: self._left_out(t)[-1] - allowed, first, later, rtol=1e-3)
-            longer = " and run.end_time" if 1.1 * enough > self.scales.end else ""
-            advice.append(f"run.output_every{longer} = {_up(enough)} or more")
-        coarse = self.scales.asked_for(DROPPED * float(left_out[-1]))
-        if coarse < MOST_RTOL / 1.1:
-            advice.append(f"accuracy.rtol = {_up(coarse)} or more")
-        raise SceneError(
-            f"initial.step: a jump needs more than {left_out.size} modes at the first frame, t = {first:g}; allowed: "
-            f"{', '.join([*advice, 'smooth modes'])}, or a given grid.nx"
+        raise Refused(
+            f"initial.step: a jump needs more than {left_out.size} modes at the first frame, t = {first:g}",
+            (Remedy("run.output_every", "more"), MORE_RTOL, *MORE_NOISE),
+            (SMOOTH, GIVEN_NX),
         )
 
     @property
@@ -255,7 +245,8 @@ class Waves:
         """True where the exactly linearised step will need its local gauge (operators/linearised/grid.py)."""
         if self.scales.scene.initial.step is not None and self.gauge_range > RANGE_OF_A_STEP:
             return True
-        return float(np.finfo(float).eps) * math.exp(self.gauge_range) > GAUGE_ROUND_OFF * self.scales.rtol
+        # Compared as logarithms: in a long pipe exp(S·range of Φ) is no double.
+        return self.gauge_range > math.log(GAUGE_ROUND_OFF * self.scales.rtol / float(np.finfo(float).eps))
 
     @functools.cached_property
     def _potential(self) -> Array:
@@ -265,6 +256,8 @@ class Waves:
     def _spectrum(self, weight: Array) -> Array:
         """Relative amplitudes along x of weight(x)·f."""
         s = self.scales
+        if s.of_one_shape:
+            return relative_amplitudes(weight * s.density)  # f is ρ times what depends on v alone
         reach = s.tail * math.sqrt(float(s.temperature.max()))
         low, high = float(s.mean_velocity.min()) - reach, float(s.mean_velocity.max()) + reach
         count = min(MOST_VELOCITIES, max(VELOCITIES, math.ceil((high - low) / math.sqrt(s.narrowest))))
@@ -275,11 +268,6 @@ class Waves:
 def _together(amplitude: Array) -> Array:
     """Of each mode and all beyond it: what they make at most where they are in step."""
     return np.asarray(np.cumsum(amplitude[::-1])[::-1])
-
-
-def _up(value: float) -> str:
-    """In two digits, a little larger."""
-    return f"{1.1 * value:.2g}"
 
 
 def _first_below(left_out: Array, allowed: float) -> int:

@@ -86,6 +86,10 @@ def _counts(annotation: Any) -> bool:
     return any(part in (int, float) or (isinstance(part, type) and issubclass(part, Table)) for part in _parts(annotation))
 
 
+WIDTH = 120
+"""Characters in a line of docs/keys.md."""
+
+
 def keys_table() -> str:
     """docs/keys.md: every key of a scene."""
     whole = schema()
@@ -103,6 +107,10 @@ def keys_table() -> str:
     return "\n".join(lines) + "\n"
 
 
+def _wrapped(text: str) -> list[str]:
+    return textwrap.wrap(text, WIDTH, break_on_hyphens=False, break_long_words=False)
+
+
 _WITHIN = {
     "Mode": "Of `modes`, `velocity_modes` and `temperature_modes` in [initial]",
     "Eigenmode": "Of `eigenmodes` in [initial]",
@@ -118,13 +126,17 @@ def _table_of(key: dict[str, Any]) -> str:
 
 
 def _section(title: str, about: dict[str, Any], table: dict[str, Any]) -> list[str]:
-    rows = []
+    lines = ["", f"## {title}", "", *_wrapped(about["description"]), ""]
     for name, key in table["properties"].items():
-        required = name in table.get("required", ())
-        default = "required" if required else "–" if key.get("default") in (None, []) else f"`{json.dumps(key['default'])}`"
-        rows.append(f"| `{name}` | {_kind(key)} | {key.get('unit', '–')} | {default} | {key['description'].replace('|', '∣')} |")
-    head = ["| key | value | unit | default | what it is |", "|---|---|---|---|---|"]
-    return ["", f"## {title}", "", about["description"], "", *head, *rows]
+        said = [_kind(key)]
+        if key.get("unit", "1") != "1":
+            said.append(f"in {key['unit']}")
+        if name in table.get("required", ()):
+            said.append("required")
+        elif key.get("default") not in (None, []):
+            said.append(f"default `{json.dumps(key['default'])}`")
+        lines += [f"**`{name}`** ({'; '.join(said)})  ", *_wrapped(key["description"]), ""]
+    return lines[:-1]
 
 
 def _kind(key: dict[str, Any]) -> str:

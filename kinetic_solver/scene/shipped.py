@@ -14,8 +14,15 @@ def shipped(name: str) -> Path:
 
     Raises SceneError for a name that there is none of.
     """
-    folder = next((path for path in (_PACKAGE / "scenes", _PACKAGE.parent / "scenes") if path.is_dir()), _PACKAGE / "scenes")
-    names = sorted(path.stem for path in folder.glob("*.toml"))
-    if name not in names:
-        raise SceneError(f"scene {name!r}: does not come with this software; allowed: {', '.join(names)}")
-    return folder / f"{name}.toml"
+    if name not in names():
+        raise SceneError(f"scene {name!r}: does not come with this software; allowed: {', '.join(names())}")
+    return _folder() / f"{name}.toml"
+
+
+def names() -> list[str]:
+    """Of all of them."""
+    return sorted(path.stem for path in _folder().glob("*.toml"))
+
+
+def _folder() -> Path:
+    return next((path for path in (_PACKAGE / "scenes", _PACKAGE.parent / "scenes") if path.is_dir()), _PACKAGE / "scenes")

@@ -294,7 +294,7 @@ class Particles(Table):
     """By default a tenth of the shortest time in the scene. [time]"""
     seed: Annotated[int, Field(strict=True, ge=0, lt=2**63)] = 1
     """Of the random numbers."""
-    replicas: Count = 1
-    """Independent ensembles: two or more give standard errors."""
+    replicas: Count = 8
+    """Independent ensembles, whose scatter gives standard errors: with one there are none."""
     collisions: Literal["dsmc", "single-file"] = "dsmc"
     """Who collides: drawn in cells (direct simulation), or whoever overtakes."""

@@ -83,10 +83,15 @@ def enlarged(plan: Plan, problem: Problem, history: History, exact: bool) -> Cha
     if hopeless or not free(plan, problem.what) or grid.nx * grid.nv > MOST_GROWTH * first.nx * first.nv:
         if problem.value <= plan.inner.accuracy.rtol and not history.settled:
             return Change(plan, dataclasses.replace(history, settled=True))
-        times = len(before)
-        return Stop(str(problem) + (f" (refining the grid {times} times did not help)" if times else ""))
+        if not free(plan, problem.what):
+            return Stop(str(problem))
+        happened = problem.message.split(";")[0]
+        tried = f" (refining the grid {len(before)} times did not help)" if before else ""
+        shorter = "" if plan.inner.grid.time_step is None else "shorten grid.time_step, "
+        remedy = f"{shorter}raise accuracy.rtol, or end the run before (run.end_time)"
+        return Stop(f"{problem.when}: {happened}{tried}; {remedy}")
     try:
-        check_memory(larger)
+        check_memory(larger.memory, grid)
     except SceneError as error:
         return Stop(f"{problem.when}: {error}")
     return Change(larger, history)

@@ -55,8 +55,9 @@ class Ledger:
     dp/dt = gN - γp + c₁ and dE/dt = gp - 2γE + σγN + c₂, with c₁ = ∫∫v C and c₂ = ½∫∫v² C evaluated on f. Without collisions
     their solution is closed, and the residual, total - initial - Σ terms, is what drift-diffusion got wrong. With collisions
     p, E, c₁ and c₂ are integrated in time, and the residual holds that quadrature's error too: over exact steps by Gauss-Legendre
-    nodes, since f is known within them; else by a quintic spline through the ends of the steps, which `in_t.budget_step` keeps
-    short enough unless grid.time_step says otherwise.
+    nodes, since f is known within them; over error-controlled steps by the stages at which Lawson's method looks; else, with
+    Strang's, by a quintic spline through the ends of the steps, which `in_t.budget_step` keeps short enough unless
+    grid.time_step says otherwise.
     """
 
     def __init__(self, start: Observation) -> None:
@@ -64,13 +65,13 @@ class Ledger:
         self.frame = plan.reference_frame
         self.model = plan.reference_frame.model
         self.collide = plan.law is not None
+        self.splines = self.collide and plan.stepping != "exact" and not plan.integrates
+        """Whether integrals over time are those of a spline."""
         self._ends = in_t.budget_pieces(plan.scales, plan.waves)
         self._nodes: list[tuple[float, Array, Array]] = []
         self._booked = 0
         self._integral: Array = np.zeros(4)
-        """Of (p, E, c₁, c₂) over the exact steps since the last record."""
-        self._dense = False
-        """Whether f is known within the steps."""
+        """Of (p, E, c₁, c₂) over the steps since the last record, but for those of a spline."""
         self._piece: _Piece | None = None
         """The last that was looked at."""
         self.start(start)
@@ -92,8 +93,9 @@ class Ledger:
 
     def step(self, seen: Observation) -> None:
         """A step has ended."""
-        self._dense = seen.within is not None
-        if self.collide and seen.within is not None:
+        if seen.integral is not None:
+            self._integral = self._integral + seen.integral
+        elif self.collide and seen.within is not None:
             self._integrate(seen)
         self._note(seen)
 
@@ -111,7 +113,6 @@ class Ledger:
             "nodes": list(self._nodes),
             "booked": self._booked,
             "integral": self._integral,
-            "dense": self._dense,
             "initial": self.initial,
             "brought": dict(self.brought),
             "piece": None if self._piece is None else (self._piece.start, self._piece.end, self._piece.antiderivative),
@@ -119,12 +120,13 @@ class Ledger:
 
     def restore(self, state: dict[str, Any]) -> None:
         self._nodes, self._booked, self._integral = list(state["nodes"]), state["booked"], state["integral"]
-        self._dense, self.initial, self.brought = state["dense"], state["initial"], dict(state["brought"])
+        self.initial, self.brought = state["initial"], dict(state["brought"])
         self._piece = None if state["piece"] is None else _Piece(*state["piece"])
 
     def _note(self, seen: Observation) -> None:
         place = self.frame.place(seen.clock)
-        self._nodes.append((place.time, np.array(place.totals(seen.totals)), _collisions(seen, place)))
+        change = _collisions(seen, place) if self.splines else np.zeros(2)
+        self._nodes.append((place.time, np.array(place.totals(seen.totals)), change))
 
     def _integrate(self, seen: Observation) -> None:
         """Over a step, in pieces that no frame changes: between links, shorter ones while the start's waves mix."""
@@ -162,7 +164,7 @@ class Ledger:
             return
         g, gamma, noise = self.model.gravity, self.model.friction, self.model.noise * self.model.friction
         if self.collide:
-            integral = self._integral if self._dense else self._spline_integral(start, end)
+            integral = self._spline_integral(start, end) if self.splines else self._integral
             momentum_time, energy_time, c1, c2 = (float(value) for value in integral)
             work = g * momentum_time
             friction = (-gamma * momentum_time, -2 * gamma * energy_time)
@@ -204,10 +206,11 @@ class Ledger:
 
         return known + make_interp_spline(times, values, k=min(5, len(times) - 1)).integrate(start, end)
 
-    def record(self) -> dict[str, float]:
-        """Rates at the end of the last step, the amounts brought since time 0, and the residuals."""
+    def record(self, seen: Observation) -> dict[str, float]:
+        """Rates at the end of the last step, which is seen, the amounts brought since time 0, and the residuals."""
         self._book()
-        _, now, (c1, c2) = self._nodes[-1]
+        _, now, _ = self._nodes[-1]
+        c1, c2 = _collisions(seen, self.frame.place(seen.clock))
         mass, p, energy = (float(value) for value in now)
         g, gamma, sigma = self.model.gravity, self.model.friction, self.model.noise
         change = now - self.initial

@@ -14,7 +14,7 @@ from kinetic_solver.operators.collisions import POINTS, RefinableRate
 from kinetic_solver.operators.fourier import relative_amplitudes
 from kinetic_solver.operators.velocity import OrnsteinUhlenbeckKernel
 from kinetic_solver.operators.velocity.kernel import resolution, resolved_spacing
-from kinetic_solver.plan import Plan, in_t, in_v, measured
+from kinetic_solver.plan import Plan, in_t, in_v, in_x, measured
 from kinetic_solver.scene import Model
 from kinetic_solver.solver.observation import Observation
 from kinetic_solver.solver.regrid import resize
@@ -33,8 +33,9 @@ class ErrorEstimate:
 
     - time: estimated errors of the extrapolated steps, times what (6) may make of them; Strang's by its rule; exact steps have
       none.
-    - x: the start's waves that the first grid leaves out, all together, of a step as they are at the first frame; with collisions
-      besides the waves of the highest eighth, or what the linearised step of (6) misses of the density.
+    - x: the start's waves that the first grid leaves out, all together, of a step as they are at the first frame; what products
+      of its waves miss, by their rule; with collisions besides the waves of the highest eighth, or what the linearised step
+      of (6) misses of the density.
     - v: the shortest waves in v that the points hold; with (12) the difference that twice the points make to the collision
       rate, times how long it acts; with finite volumes their rule; in Hermite functions the last coefficients.
     - window: f at its edges, the slow one amplified as (6) does.
@@ -48,7 +49,7 @@ class ErrorEstimate:
         self._amplified = in_t.amplified_error(scales)
         if plan.stepping == "strang" and plan.time_step is not None:
             self._of_steps = in_t.strang_error(scales, plan.waves, plan.time_step)
-        self._lost = plan.waves.beyond(plan.grid.nx)
+        self._lost = plan.waves.beyond(plan.grid.nx) + in_x.error_of_step_products(scales, plan.waves, plan.grid.nx)
         self._parts = dict.fromkeys(PARTS, 0.0)
 
     def step(self, seen: Observation) -> None:
@@ -109,19 +110,27 @@ def _of_v(seen: Observation) -> float:
 def waves_in_v(seen: Observation) -> float:
     """The error that waves in v make which the points do not hold, judged by the amplitude a of the shortest that they hold.
 
-    It is about a between the points, and where a step was not resolved. At the points, and in sums over them, only waves of
-    twice that wavenumber err, which a smooth spectrum makes smaller than a²: so it is where exact steps resolve their kernel.
+    It is about a between the points, where f may be written, and where a step was not resolved. At the points, and in sums over
+    them, only waves of twice that wavenumber err, which a smooth spectrum makes smaller than a²: so it is where exact steps
+    resolve their kernel.
     """
     amplitude = shortest_of(seen.waves_in_v)
-    plan = seen.plan
+    plan, grid = seen.plan, seen.grid
     if not seen.scheme.exact or plan.reference_frame.moving or plan.drift_diffusion != "kernel":
         return amplitude
-    model, dv = plan.inner.model, seen.grid.dv
+    model, dv = plan.inner.model, grid.dv
     step = seen.clock if plan.time_step is None else plan.shortest_step
     resolved = model.friction * model.noise == 0 or dv <= resolved_spacing(model, step, resolution(plan.inner.accuracy.rtol)) * (
         1 + 1e-9
     )
-    return amplitude**2 if resolved else amplitude
+    if not resolved:
+        return amplitude
+    at_points = (plan.output.nv, plan.output.low, plan.output.high) == (grid.nv, grid.low, grid.high)
+    if at_points or plan.scene.output.f is False:
+        return amplitude**2
+    # A wave's height over max f: the longest, with which amplitudes are compared, is the mean of f over the window.
+    mean = float(seen.moments.density.max()) / (grid.high - grid.low) / float(seen.f.max())
+    return max(amplitude**2, 2 * mean * amplitude)
 
 
 def shortest_waves(f: Array, share: float = 0.0) -> float:

@@ -21,6 +21,7 @@ import numpy as np
 from kinetic_solver.dataset import Recorder
 from kinetic_solver.errors import LostAccuracy, SceneError, SolverStopped, StepTooSmall
 from kinetic_solver.plan import Plan
+from kinetic_solver.progress import Progress
 from kinetic_solver.solver import adaptation
 from kinetic_solver.solver.adaptation import Change, History, Stop
 from kinetic_solver.solver.budgets import Ledger, Mark
@@ -32,8 +33,6 @@ from kinetic_solver.solver.scheme import assemble
 from kinetic_solver.solver.writer import Writer, start_shown
 from kinetic_solver.stepping import ExactSteps, Stalled, Step
 
-Progress = Callable[[float, float], None]
-"""Called as progress(time, end time)."""
 AfterStep = Callable[["March"], None]
 
 CHECK_EVERY = 10
@@ -112,7 +111,7 @@ class March:
     # -- one interval
 
     def _stops(self, start: float, end: float) -> Iterator[float]:
-        if start == 0 and self.ledger is not None and self.ledger.collide and not self.scheme.exact:
+        if start == 0 and self.ledger is not None and self.ledger.splines:
             yield from np.linspace(start, end, FIRST_PIECES + 1)[1:].tolist()
         else:
             yield end
@@ -150,7 +149,7 @@ class March:
         moments = taken.moments
         moments_within = None if moments is None else lambda clocks: moments([t - start for t in clocks])
         stretch = None if taken.stretch is None else (start + taken.stretch[0], start + taken.stretch[1])
-        looked_at = (f_within, moments_within, stretch, taken.side)
+        looked_at = (f_within, moments_within, stretch, taken.side, taken.integral)
         self.now = seen = Observation.of(self.scheme, clock, taken.state, last.clock, taken.error, *looked_at)
         self.memory = taken.memory
         self.errors += taken.error

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -12,13 +13,15 @@ import numpy as np
 from kinetic_solver.arrays import Array
 from kinetic_solver.errors import SolverStopped
 from kinetic_solver.laws import FollowTheLeader
-from kinetic_solver.plan import Plan
+from kinetic_solver.plan import Plan, in_v
 from kinetic_solver.solver.estimate import last_functions, rate_error, shortest_of
 from kinetic_solver.solver.observation import Observation
 from kinetic_solver.theory.ornstein_uhlenbeck import transition
 
 UNRESOLVED = 0.5
 """dv²|∂²f/∂v²|/max f at which a peak counts as unresolved: that of a Gaussian whose standard deviation is 1.4 dv."""
+ROOM = 1.3
+"""Points in v that are advised, over those that would just hold a peak: at least, for it becomes narrower still. Chosen."""
 SHARE = 0.3
 """Of rtol, to each of the losses that a larger grid would mend, since they add up. Chosen."""
 LAST_FUNCTIONS = 0.1
@@ -101,7 +104,7 @@ class Monitor:
     def finite(self, seen: Observation) -> None:
         """The check of every step. Raises SolverStopped."""
         if not np.isfinite(seen.f.sum()):
-            raise SolverStopped(f"{_when(seen)}: f is no longer finite; reduce grid.time_step or accuracy.rtol")
+            raise SolverStopped(f"{_when(seen)}: f is no longer finite; {_shorter_steps(seen)}")
 
     def judge(self, seen: Observation, share: float = SHARE) -> Judgement:
         """All diagnostics of a state, and whether its grid holds it."""
@@ -109,7 +112,7 @@ class Monitor:
         f, grid, scene = seen.f, seen.grid, seen.plan.inner
         top = float(f.max())
         if not top > 0:
-            raise SolverStopped(f"{_when(seen)}: f has no positive value left; reduce grid.time_step or accuracy.rtol")
+            raise SolverStopped(f"{_when(seen)}: f has no positive value left; {_shorter_steps(seen)}")
         values = {
             "minimum_of_f": float(f.min()) / top,
             "edge_error_low": float(amplified(seen)[0]) / top,
@@ -120,9 +123,13 @@ class Monitor:
         }
         # Without collisions the linear step is exact for whatever the points represent.
         if values["velocity_curvature"] > UNRESOLVED and (seen.plan.law is not None or scene.grid.nv is not None):
+            now = ROOM * grid.nv * math.sqrt(values["velocity_curvature"] / UNRESOLVED)
+            later = (grid.high - grid.low) * in_v.NARROWEST / math.sqrt(seen.plan.scales.theta_min)
+            enough = math.ceil(max(now, later))
             text = (
                 f"the velocity distribution has become narrower than 1.4 dv = {1.4 * grid.dv:.3g} and is no "
-                "longer resolved; raise grid.nv, narrow grid.velocity_window, or end the run earlier"
+                f"longer resolved; raise grid.nv to {enough} or more"
+                + (", or end the run before (run.end_time)" if seen.clock > 0 else "")
             )
             return Judgement(values, Problem("nv", values["velocity_curvature"], _when(seen), text))
         for loss in self._losses(seen, values):
@@ -202,6 +209,12 @@ def _too_coarse(seen: Observation) -> Problem | None:
             text = f"the spacing in v is too coarse by an estimated {error:.2g} of max f; raise grid.nv ({plan.tolerance})"
             return Problem("nv", error, _when(seen), text)
     return None
+
+
+def _shorter_steps(seen: Observation) -> str:
+    """What makes steps shorter."""
+    given = seen.plan.inner.grid.time_step is not None
+    return "reduce grid.time_step" if given else "reduce accuracy.rtol, or end the run before (run.end_time)"
 
 
 def _when(seen: Observation) -> str:

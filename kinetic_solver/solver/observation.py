@@ -40,6 +40,8 @@ class Observation:
     """Clocks between which these are good: that step, and what surrounds it."""
     side: bool = False
     """True where nothing is built upon this state: (6) will not amplify what is wrong with it."""
+    integral: Array | None = None
+    """Over that step, of what the scheme watches (solver/watched.py)."""
 
     @classmethod
     def of(
@@ -53,10 +55,11 @@ class Observation:
         moments_within: Callable[[Sequence[float]], Array | None] | None = None,
         stretch: tuple[float, float] | None = None,
         side: bool = False,
+        integral: Array | None = None,
     ) -> Observation:
         state = np.ascontiguousarray(state)  # as a checkpoint gives it back: the order of sums is that of the memory
         points = scheme.representation.points(state)
-        return cls(scheme, clock, state, points, since, error, within, moments_within, stretch, side)
+        return cls(scheme, clock, state, points, since, error, within, moments_within, stretch, side, integral)
 
     @property
     def plan(self) -> Plan:

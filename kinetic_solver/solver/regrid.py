@@ -13,6 +13,7 @@ import numpy as np
 
 from kinetic_solver.arrays import Array
 from kinetic_solver.grid import PhaseSpaceGrid
+from kinetic_solver.interpolation import through_waves
 from kinetic_solver.plan.moving_frame import Place
 
 
@@ -66,6 +67,8 @@ class ToOutput:
 
     def __init__(self, source: PhaseSpaceGrid, target: PhaseSpaceGrid) -> None:
         self.source, self.target = source, target
+        self._matrix: tuple[tuple[float, float], Array] | None = None
+        """The last that was used, and the velocity and scale of its place: a frame asks twice, and one at rest has but one."""
 
     def __call__(self, f: Array, place: Place) -> Array:
         if self.source == self.target and place.velocity == place.position == 0 and place.scale == 1:
@@ -78,7 +81,10 @@ class ToOutput:
         w = (self.target.v - place.velocity) / place.scale
         inside = (w > self.source.low) & (w < self.source.high)
         result = np.zeros((f.shape[0], w.size))
-        result[:, inside] = f @ _interpolation(self.source, w[inside]).T / place.scale
+        if self._matrix is None or self._matrix[0] != (place.velocity, place.scale):
+            between = through_waves(self.source.v, w[inside], self.source.high - self.source.low)
+            self._matrix = (place.velocity, place.scale), between.T
+        result[:, inside] = f @ self._matrix[1] / place.scale
         return result
 
     def along_x(self, field: Array, place: Place) -> Array:
@@ -89,16 +95,3 @@ class ToOutput:
     def over_x(self, f: Array, place: Place) -> Array:
         """∫f dx at the velocities of the output."""
         return self._along_v(f.sum(axis=0, keepdims=True) * self.source.dx, place)[0]
-
-
-def _interpolation(grid: PhaseSpaceGrid, v: Array) -> Array:
-    """Matrix from values at the grid's velocities to those at v: the trigonometric interpolant of period high - low."""
-    nv, period = grid.nv, grid.high - grid.low
-    waves = np.arange(nv // 2 + 1)
-    weight = np.full(waves.size, 2.0 / nv)
-    weight[0] = 1.0 / nv
-    if nv % 2 == 0:
-        weight[-1] = 1.0 / nv
-    angle = 2 * np.pi / period * waves
-    there, here = np.exp(1j * np.outer(v, angle)), np.exp(-1j * np.outer(angle, grid.v))
-    return np.asarray(((there * weight) @ here).real)

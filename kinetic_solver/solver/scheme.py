@@ -12,8 +12,10 @@ import numpy as np
 from kinetic_solver.arrays import Array
 from kinetic_solver.operators.collisions.protocol import CollisionRate
 from kinetic_solver.operators.linearised import GridLinearisedStep
-from kinetic_solver.plan import Plan
+from kinetic_solver.operators.velocity.kernel import RESOLVED
+from kinetic_solver.plan import Plan, in_t
 from kinetic_solver.solver.representation import Representation, collision_operator, make_representation
+from kinetic_solver.solver.watched import watched_by
 from kinetic_solver.stepping import Controlled, ExactStep, ExactSteps, Extrapolated, Fixed, Plain, Stepper
 
 LINEARISED_ROUND_OFF = 0.05
@@ -69,26 +71,30 @@ def make_stepper(plan: Plan, representation: Representation) -> Stepper:
         return share * float(np.abs(f).max())
 
     if plan.stepping == "extrapolated":
-        given = scene.grid.time_step
-        return Fixed(method, given) if given is not None else Controlled(method, tolerance, longest)
+        given, watched = scene.grid.time_step, watched_by(plan, representation)
+        return Fixed(method, given, watched) if given is not None else Controlled(method, tolerance, longest, watched)
     step = representation.linearised(LINEARISED_ROUND_OFF * rtol)
-    early = Early(plan) if plan.shortest_step > 0 and scene.initial.file is None else None
+    aside = in_t.shortest_exact_step(plan.scales, plan.waves, plan.grid, RESOLVED) if plan.shortest_step > 0 else 0.0
+    early = Early(plan, aside) if aside > 0 and scene.initial.file is None else None
     # Where nx is open, a finer grid is the better way out of a step that loses its accuracy; but not of a jump.
     given = scene.grid.nx is not None or plan.waves.products_of_a_step
     fallback = Controlled(method, tolerance) if given else None
-    return ExactSteps(step, longest, plan.shortest_step, early, fallback, representation.lifted_start(step), plan.waves.blur)
+    start = representation.lifted_start(step)
+    return ExactSteps(step, longest, plan.shortest_step, min(aside, longest), early, fallback, start, plan.waves.blur)
 
 
 class Early:
     """f at a time too short for the kernel on the plan's velocity points: one step on denser points, on which the Maxwellian
     start is known as well."""
 
-    def __init__(self, plan: Plan) -> None:
+    def __init__(self, plan: Plan, resolved: float) -> None:
+        """`resolved`: the time from which the plan's own points hold the kernel."""
         self.plan = plan
+        self._resolved = resolved
         self._finer: dict[int, tuple[ExactStep, Any]] = {}
 
     def __call__(self, time: float) -> Array:
-        factor = next((n for n in FINER if time * n**2 >= self.plan.shortest_step), FINER[-1])
+        factor = next((n for n in FINER if time * n**2 >= self._resolved), FINER[-1])
         if factor not in self._finer:
             grid = dataclasses.replace(self.plan.grid, nv=self.plan.grid.nv * factor)
             representation = make_representation(dataclasses.replace(self.plan, grid=grid))
@@ -96,5 +102,8 @@ class Early:
             known = representation.lifted_start(step)
             self._finer[factor] = (step, step.lift(representation.start()) if known is None else known)
         step, start = self._finer[factor]
+        f = step.lower(step.propagate(start, time), self.plan.waves.blur(time))
+        if isinstance(step, GridLinearisedStep):
+            step.forget()  # every time is asked for once, and tables grow with the square of the points
         # `factor` fine cells make one of the plan's, whose centre is the middle one's.
-        return step.lower(step.propagate(start, time), self.plan.waves.blur(time))[:, factor // 2 :: factor]
+        return f[:, factor // 2 :: factor]

@@ -9,9 +9,10 @@ from kinetic_solver.dataset import MemoryRecorder, Recorder, law_attribute, reco
 from kinetic_solver.initial import Given, notes_of, recorded
 from kinetic_solver.laws import CollisionLaw
 from kinetic_solver.plan import Plan, make_plan
+from kinetic_solver.progress import Progress, telling
 from kinetic_solver.scene import Scene
 from kinetic_solver.solver import checkpoint
-from kinetic_solver.solver.loop import AfterStep, March, Progress
+from kinetic_solver.solver.loop import AfterStep, March
 from kinetic_solver.solver.report import Report
 from kinetic_solver.threads import one_blas_thread
 
@@ -20,7 +21,10 @@ if TYPE_CHECKING:
 
 
 def solve(
-    scene: Scene, progress: Progress | None = None, operator: CollisionLaw | None = None, initial: Given | None = None
+    scene: Scene,
+    progress: bool | Progress | None = None,
+    operator: CollisionLaw | None = None,
+    initial: Given | None = None,
 ) -> xr.Dataset:
     """Solve (2) for `scene` on the phase-space grid; return every frame as an xarray Dataset (docs/output.md).
 
@@ -29,15 +33,18 @@ def solve(
 
     Exact in time without collisions and with operator (6); with (12) of high order, under error control. Mass is conserved to
     round-off. `initial` is a start of one's own instead of [initial]: f(x, v) as a callable or a DataArray (docs/starts.md).
+    `progress` is True for a bar (on a terminal, in a notebook) or a line every ten seconds, on stderr, or a callable of the time
+    and the end time.
 
     Raises SceneError where the scene, or that start, cannot be run, and SolverStopped, with the frames so far as its `dataset`,
     where a run cannot go on.
     """
-    plan = make_plan(scene, operator, initial)
-    notes = {**law_attribute(operator), **notes_of(plan.start)}
-    recorder = MemoryRecorder(plan.output, recorded(scene, plan.start), plan.schedule, notes=notes)
-    with recording(recorder):
-        report = integrate(plan, recorder, progress)
+    with telling(progress) as told:
+        plan = make_plan(scene, operator, initial)
+        notes = {**law_attribute(operator), **notes_of(plan.start)}
+        recorder = MemoryRecorder(plan.output, recorded(scene, plan.start), plan.schedule, notes=notes)
+        with recording(recorder):
+            report = integrate(plan, recorder, told)
     recorder.close(report=report.attributes())
     return recorder.dataset()
 

@@ -36,6 +36,7 @@ class Writer:
         self.least = plan.scene.accuracy.rtol
         """Of the largest density: where it is less, mean velocity, temperature and heat flux are missing values."""
         self._places = self._missing = 0
+        self._convert: ToOutput | None = None
 
     def write(self, frame: int, seen: Observation, diagnostics: dict[str, float], shown: Array | None = None) -> None:
         """The frame of this number. `shown`, f on the output's grid, stands for what is seen in the fields."""
@@ -43,7 +44,9 @@ class Writer:
         place = seen.plan.reference_frame.place(seen.clock)
         # Scaled velocities are the frame's, in other units.
         shown_from = Place(place.time, place.position, 0.0, 1 / self.unit) if self.output.scaled else place
-        convert = ToOutput(seen.grid, self.output)
+        if self._convert is None or self._convert.source != seen.grid:
+            self._convert = ToOutput(seen.grid, self.output)
+        convert = self._convert
         in_lab = shown
         if in_lab is None and due & {"f", "moments"}:
             in_lab = convert(seen.f, shown_from)
@@ -66,7 +69,7 @@ class Writer:
             mass, momentum, energy = place.totals(seen.totals)
             values["scalars"] = {"mass": mass, "momentum": momentum, "energy": energy, **diagnostics}
         if "budgets" in due and self.ledger is not None:
-            values["budgets"] = self.ledger.record()
+            values["budgets"] = self.ledger.record(seen)
         if "moment_equations" in due:
             values["moment_equations"] = self._moment_equations(seen)
         self.recorder.record(float(self.schedule.times[frame]), values)

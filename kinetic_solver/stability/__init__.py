@@ -5,6 +5,7 @@ Shares no numerics with the grid solver, which is held against it (docs/stabilit
 
 from kinetic_solver.stability.amplification import apparent_critical_density, density_gain, structure_factor, transient_growth
 from kinetic_solver.stability.closure import closure_rates, critical_collision_number, critical_density, figure_1
+from kinetic_solver.stability.density_map import over_densities
 from kinetic_solver.stability.homogeneous import HomogeneousState, homogeneous_state
 from kinetic_solver.stability.scaling import ScalingState, cooling_state, white_noise_state
 from kinetic_solver.stability.spectrum import (
@@ -33,6 +34,7 @@ __all__ = [
     "homogeneous_state",
     "kinetic_rates",
     "mean_velocity",
+    "over_densities",
     "spectrum",
     "structure_factor",
     "transient_growth",

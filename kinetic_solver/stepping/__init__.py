@@ -9,7 +9,7 @@ from kinetic_solver.stepping.controlled import Controlled, Fixed, Pace
 from kinetic_solver.stepping.drive import advance
 from kinetic_solver.stepping.exact_steps import Chain, ExactStep, ExactSteps, Link, Plain
 from kinetic_solver.stepping.methods import Extrapolated, lawson, strang
-from kinetic_solver.stepping.protocol import BaseMethod, Rate, Stalled, Step, Stepper, Substep, count_of
+from kinetic_solver.stepping.protocol import BaseMethod, Integral, Rate, Stalled, Step, Stepper, Substep, Watched, count_of
 
 __all__ = [
     "BaseMethod",
@@ -19,6 +19,7 @@ __all__ = [
     "ExactSteps",
     "Extrapolated",
     "Fixed",
+    "Integral",
     "Link",
     "Pace",
     "Plain",
@@ -27,6 +28,7 @@ __all__ = [
     "Step",
     "Stepper",
     "Substep",
+    "Watched",
     "advance",
     "count_of",
     "lawson",

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from kinetic_solver.arrays import Array
 from kinetic_solver.errors import StepTooSmall
 from kinetic_solver.stepping.methods import Extrapolated
-from kinetic_solver.stepping.protocol import Stalled, Step, count_of
+from kinetic_solver.stepping.protocol import Integral, Stalled, Step, Watched, count_of
 
 DEEPEST = 20
 """Halvings of an interval: 10⁶ steps in it, beyond which error control gives up."""
@@ -45,10 +45,18 @@ class Controlled:
     Orders: those of the method. Test: tests/convergence/test_stepping.py.
     """
 
-    def __init__(self, method: Extrapolated, tolerance: Callable[[Array], float], longest: float = math.inf) -> None:
+    def __init__(
+        self,
+        method: Extrapolated,
+        tolerance: Callable[[Array], float],
+        longest: float = math.inf,
+        watched: Watched | None = None,
+    ) -> None:
+        """What is `watched` is integrated over every step."""
         self.method = method
         self.tolerance = tolerance
         self.longest = longest
+        self.watched = watched
         self.order, self.error_order = method.order, method.error_order
 
     def begin(self, state: Array, time: float) -> Pace:
@@ -60,12 +68,14 @@ class Controlled:
         limit, failed, useless = memory.limit, memory.failed, memory.useless
         while True:
             h = interval / 2**level
-            new, error = self.method.step(state, h)
+            integral = _integral(self.watched, start + interval * (memory.place / 2**DEEPEST))
+            new, error = self.method.step(state, h, integral)
             allowed = self.tolerance(state) * h
             excess = error / allowed if math.isfinite(error) else math.inf  # a NaN is no small error
             useless = useless + 1 if SAME[0] * failed < excess < SAME[1] * failed < math.inf else 0
             if excess <= limit:
-                return self._accepted(new, error, excess, level, shallowest, memory, interval)
+                step = self._accepted(new, error, excess, level, shallowest, memory, interval)
+                return step if integral is None else dataclasses.replace(step, integral=integral.value)
             if useless == 2:
                 here = dataclasses.replace(memory, level=level, failed=failed, useless=useless)
                 # The longer step was as good: its error, with some room, is what will do from now on.
@@ -98,9 +108,10 @@ class Controlled:
 class Fixed:
     """Equal steps of at most `longest`, as few as fill the interval. The memory is the number of steps done in it."""
 
-    def __init__(self, method: Extrapolated, longest: float) -> None:
+    def __init__(self, method: Extrapolated, longest: float, watched: Watched | None = None) -> None:
         self.method = method
         self.longest = longest
+        self.watched = watched
         self.order, self.error_order = method.order, method.error_order
 
     def begin(self, state: Array, time: float) -> int:
@@ -109,8 +120,14 @@ class Fixed:
     def step(self, state: Array, memory: int, start: float, interval: float) -> Step:
         count = count_of(interval, self.longest)
         h, done = interval / count, memory + 1
-        new, error = self.method.step(state, h)
-        return Step(new, interval if done == count else interval * done / count, h, error, done % count)
+        integral = _integral(self.watched, start + h * memory)
+        new, error = self.method.step(state, h, integral)
+        elapsed = interval if done == count else interval * done / count
+        return Step(new, elapsed, h, error, done % count, integral=None if integral is None else integral.value)
+
+
+def _integral(watched: Watched | None, time: float) -> Integral | None:
+    return None if watched is None else Integral(watched, time)
 
 
 def _level(interval: float, length: float) -> int:

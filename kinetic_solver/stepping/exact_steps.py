@@ -83,10 +83,11 @@ class ExactSteps:
 
     Links lie at multiples of `spacing`, counted from time 0, each at least `shortest` after the one before. They depend on no
     interval: a time that is asked for costs one step from the chain, which nothing is built upon, so that however many are asked
-    for, the answers are the same (tests/convergence/test_frames.py). A time less than `shortest` after a link is reached from the
-    link before it, and before the second link by `early`, if given. `start` is the lifted state at time 0, where it is known
-    better than from the state itself; `blur` is the variance by which a state must be blurred to be resolved, too early for any
-    frame. `fallback` takes over a step that loses its accuracy, with a warning; without it LostAccuracy is raised.
+    for, the answers are the same (tests/convergence/test_frames.py). A time less than `aside` after a link is reached from the
+    link before it, and before the second link by `early`, if given: since that costs nothing, `aside` may be the stricter.
+    `start` is the lifted state at time 0, where it is known better than from the state itself; `blur` is the variance by which a
+    state must be blurred to be resolved, too early for any frame. `fallback` takes over a step that loses its accuracy, with a
+    warning; without it LostAccuracy is raised.
     """
 
     order = math.inf
@@ -97,6 +98,7 @@ class ExactSteps:
         step_of: ExactStep,
         spacing: float = math.inf,
         shortest: float = 0.0,
+        aside: float = 0.0,
         early: Callable[[float], Array] | None = None,
         fallback: Stepper | None = None,
         start: Any = None,
@@ -105,6 +107,7 @@ class ExactSteps:
         self.exact = step_of
         self.spacing = spacing
         self.shortest = shortest
+        self.aside = max(shortest, aside)
         self.early = early
         self.fallback = fallback
         self.start = start
@@ -166,7 +169,7 @@ class ExactSteps:
     def _at(self, chain: Chain, time: float) -> Array:
         """f at any time after the chain's last link but one, by one step from the chain."""
         link = chain.links[0]
-        if not self._far_enough(time, link):
+        if time - link.time < self.aside * (1 - SAME):
             if chain.begun:
                 link = chain.links[1]
             elif self.early is not None:

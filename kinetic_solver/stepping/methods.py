@@ -7,17 +7,17 @@ from collections.abc import Sequence
 import numpy as np
 
 from kinetic_solver.arrays import Array
-from kinetic_solver.stepping.protocol import BaseMethod, Rate, Substep
+from kinetic_solver.stepping.protocol import BaseMethod, Integral, Rate, Substep
 
 
 def strang(outer: Substep, inner: Substep) -> BaseMethod:
     """Strang's (1968) splitting outer(h/2) inner(h) outer(h/2); the outer half steps of neighbouring steps are done as one.
 
-    Order 2, error in even powers of h where both substeps are exact; positive where they are.
+    Order 2, error in even powers of h where both substeps are exact; positive where they are. It has no rates to integrate.
     Test: tests/convergence/test_stepping.py.
     """
 
-    def over(f: Array, interval: float, steps: int) -> Array:
+    def over(f: Array, interval: float, steps: int, integral: Integral | None = None) -> Array:
         h = interval / steps
         f = outer(f, h / 2)
         for _ in range(steps - 1):
@@ -34,14 +34,22 @@ def lawson(rate: Rate, linear: Substep) -> BaseMethod:
     round-off. Stable for steps below about 2.8/|the rate's eigenvalue|. Order 4. Test: tests/convergence/test_stepping.py.
     """
 
-    def over(f: Array, interval: float, steps: int) -> Array:
+    def over(f: Array, interval: float, steps: int, integral: Integral | None = None) -> Array:
         h = interval / steps
-        for _ in range(steps):
-            k1 = rate(f)
+        for step in range(steps):
+
+            def seen(stage: Array, share: float, place: float, begun: float = step * h) -> Array:
+                """The rate of a stage at begun + place·h, whose weight is share·h."""
+                found = rate(stage)
+                if integral is not None:
+                    integral.add(share * h, stage, found, begun + place * h)
+                return found
+
+            k1 = seen(f, 1 / 6, 0.0)
             f, k1 = linear(f, h / 2), linear(k1, h / 2)
-            k2 = rate(f + h / 2 * k1)
-            k3 = rate(f + h / 2 * k2)
-            k4 = rate(linear(f + h * k3, h / 2))
+            k2 = seen(f + h / 2 * k1, 1 / 3, 0.5)
+            k3 = seen(f + h / 2 * k2, 1 / 3, 0.5)
+            k4 = seen(linear(f + h * k3, h / 2), 1 / 6, 1.0)
             f = linear(f + h / 6 * k1 + h / 3 * (k2 + k3), h / 2) + h / 6 * k4
         return f
 
@@ -66,15 +74,22 @@ class Extrapolated:
         self._weights = _weights(self.counts, powers)
         self._lower = np.append(0.0, _weights(self.counts[1:], powers[:-1])) if powers else self._weights
 
-    def step(self, f: Array, h: float) -> tuple[Array, float]:
-        """(f after h, the estimated max|error| of the next lower order; 0 where nothing is extrapolated)."""
-        finest = self.base.over(f, h, self.counts[-1])
+    def step(self, f: Array, h: float, integral: Integral | None = None) -> tuple[Array, float]:
+        """(f after h, the estimated max|error| of the next lower order; 0 where nothing is extrapolated).
+
+        What is watched is added to `integral`, extrapolated likewise.
+        """
+        finest = self.base.over(f, h, self.counts[-1], integral)
+        watched = np.zeros(()) if integral is None else integral.value
         best, lower = finest.copy(), np.zeros_like(f)
         # Corrections to the finest result: what all results conserve stays, though the weights are rounded.
         for n, weight, low in zip(self.counts[:-1], self._weights, self._lower, strict=False):
-            correction = self.base.over(f, h, n) - finest
+            coarser = None if integral is None else Integral(integral.quantities, integral.start)
+            correction = self.base.over(f, h, n, coarser) - finest
             best += weight * correction
             lower += (weight - low) * correction
+            if integral is not None and coarser is not None:
+                integral.value = integral.value + weight * (coarser.value - watched)
         return best, float(np.abs(lower).max())
 
 

@@ -11,20 +11,41 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
+import numpy as np
+
 from kinetic_solver.arrays import Array
 
 Substep = Callable[[Array, float], Array]
 """(f, dt) → f after dt of one part of the equation."""
 Rate = Callable[[Array], Array]
 """f → ∂f/∂t by one part of the equation."""
+Watched = Callable[[Array, Array, float], Array]
+"""(f, its rate, time) → quantities whose integrals over time are wanted, shape (quantities,)."""
+
+
+class Integral:
+    """∫quantities dt over a step, by the weights that a method gives to its own stages: of its order, and about of its error.
+
+    Test: tests/convergence/test_stepping.py.
+    """
+
+    def __init__(self, quantities: Watched, start: float) -> None:
+        self.quantities = quantities
+        self.start = start
+        """The time at which the step begins."""
+        self.value: Array = np.zeros(())
+
+    def add(self, weight: float, f: Array, rate: Array, elapsed: float) -> None:
+        """A stage, so long after the step began."""
+        self.value = self.value + weight * self.quantities(f, rate, self.start + elapsed)
 
 
 @dataclass(frozen=True)
 class BaseMethod:
     """Equal steps over an interval, and what is known of their error: a series c₁ h^order + c₂ h^(order + stride) + …"""
 
-    over: Callable[[Array, float, int], Array]
-    """(f, interval, number of equal steps) → f after the interval."""
+    over: Callable[[Array, float, int, Integral | None], Array]
+    """(f, interval, number of equal steps, what is to be added to on the way) → f after the interval."""
     order: int
     stride: int
 
@@ -50,6 +71,8 @@ class Step:
     """The times, counted likewise, between which `within` and `moments` are good: the step, and what surrounds it."""
     side: bool = False
     """True where nothing will be built upon this state."""
+    integral: Array | None = None
+    """Of what is watched, over the step; None where nothing is."""
 
 
 @dataclass(frozen=True)

@@ -76,12 +76,13 @@ def bridge_variances(model: Model, h: Array) -> Array:
     if gamma * sigma == 0:
         return np.zeros_like(h)
     a = gamma * h
-    long = (2 * a + 4 * np.expm1(-a) - np.expm1(-2 * a)) / a**3
+    late = np.maximum(a, 0.5)
+    long = (2 * late + 4 * np.expm1(-late) - np.expm1(-2 * late)) / late**3
     n = np.arange(3, 3 + TERMS)
     short = np.polynomial.polynomial.polyval(-np.minimum(a, 0.5), (2.0**n - 4.0) / FACTORIALS[n])
     displacement = sigma * gamma * h**3 * np.where(a > 0.5, long, short)
     covariance = sigma * gamma * (np.expm1(-a) / gamma) ** 2
-    return np.maximum(0.0, displacement + covariance**2 / (sigma * np.expm1(-2 * a)))
+    return np.maximum(0.0, displacement + covariance * (covariance / (sigma * np.expm1(-2 * a))))
 
 
 def half_transport_time(gamma: float, h: float) -> float:

@@ -18,7 +18,7 @@ import pytest
 ROOT = Path(__file__).parents[2]
 PACKAGES = ("kinetic_solver", "particles")
 
-BASE = {"arrays", "errors", "machine", "threads", "when_xarray_comes"}
+BASE = {"arrays", "compiling", "errors", "interpolation", "machine", "progress", "threads", "when_xarray_comes"}
 LAWS = BASE | {"laws"}
 SCENE = LAWS | {"scene"}
 SHARED = SCENE | {"theory", "grid", "stability", "dataset", "initial"}

@@ -13,8 +13,8 @@ from kinetic_solver import Scene, solve
 from kinetic_solver.scene import Output
 from kinetic_solver.stability.homogeneous import homogeneous_state
 
-LIMIT = 60.0
-"""Seconds that a run may take; its truth twice that."""
+LIMIT = 3600.0
+"""Seconds after which a run is taken to hang; how fast it is, benchmarks say."""
 BUDGETS = 1e-5
 """Of what the terms of a budget bring: what quadrature in time may leave at rtol = 1e-6; it knows nothing of rtol."""
 TOLERANCES: dict[str, tuple[float, ...]] = {
@@ -30,7 +30,7 @@ TOLERANCES: dict[str, tuple[float, ...]] = {
 MAY_REFUSE = {
     ("(6), a step, vacuum outside", 1e-6): r"accuracy\.rtol",
     ("(12), time_step = 10/γ", 1e-3): r"grid\.time_step",
-    ("(12), γ = 1e-8, homogeneous u0", 1e-3): r"initial\.temperature",
+    ("(12), γ = 1e-8, homogeneous u0", 1e-3): r"initial\.mean_velocity",
 }
 """Where one line will do instead of an answer, and the key that it must name."""
 

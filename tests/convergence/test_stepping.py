@@ -28,6 +28,7 @@ from kinetic_solver.stepping import (
     ExactSteps,
     Extrapolated,
     Fixed,
+    Integral,
     Stalled,
     Step,
     Stepper,
@@ -162,8 +163,8 @@ def test_orders_with_operator_12(make_scene: MakeScene, counts: tuple[int, ...],
 class Spy(Extrapolated):
     """Notes the length of every step tried, and its estimate."""
 
-    def step(self, f: Array, h: float) -> tuple[Array, float]:
-        result, error = super().step(f, h)
+    def step(self, f: Array, h: float, integral: Integral | None = None) -> tuple[Array, float]:
+        result, error = super().step(f, h, integral)
         self.tried = [*getattr(self, "tried", []), (h, error)]
         return result, error
 
@@ -209,6 +210,28 @@ def test_controlled_meets_its_tolerance_and_not_by_waste(base: BaseMethod, count
     # An estimate of order p asks for 1e4^(1/p) times the steps, and lengths are powers of two.
     assert stepper.error_order is not None
     assert numbers[-1] <= 2 * 1e4 ** (1 / stepper.error_order) * numbers[1], numbers
+
+
+@pytest.mark.parametrize(("counts", "order"), [((1,), 4), (FIFTH, 5)])
+def test_orders_of_integrals_over_steps(counts: tuple[int, ...], order: int) -> None:
+    """∫y dt and ∫t²r dt, r the rate that is not linear, against Gauss-Legendre quadrature of the closed form."""
+
+    def watched(y: Array, rate: Array, time: float) -> Array:
+        return np.concatenate([y, time**2 * rate])
+
+    def integral(steps: int) -> Array:
+        taken = steps_of(Fixed(Extrapolated(LAWSON, counts), T / steps, watched), T)
+        return np.sum([step.integral for step in taken], axis=0)
+
+    nodes, weights = np.polynomial.legendre.leggauss(20)
+    times = T / 2 * (1 + nodes)
+    values = np.array([solution(t) for t in times])
+    rates = times[:, None] ** 2 * (BETA - C * values**2)
+    truth = T / 2 * np.concatenate([weights @ values, weights @ rates])
+    assert_order(order, (12, 16, 24, 32), lambda n: float(np.abs(integral(n) - truth).max()))
+    controlled = Controlled(Extrapolated(LAWSON, counts), lambda f: 1e-8, T / 40, watched)
+    found = np.sum([step.integral for step in steps_of(controlled, T)], axis=0)
+    assert found == pytest.approx(truth, abs=1e-7)
 
 
 @pytest.mark.parametrize("longest", [0.5, 0.3, 0.07])
@@ -274,8 +297,8 @@ def test_only_accepted_steps_count() -> None:
 def test_controlled_recovers_from_steps_that_blow_up(bad: float) -> None:
     """Whatever a step that is too long returns, shorter ones take its place."""
 
-    def over(y: Array, interval: float, steps: int) -> Array:
-        return STRANG.over(y, interval, steps) if interval / steps < 0.1 else np.full_like(y, bad / steps)
+    def over(y: Array, interval: float, steps: int, integral: Integral | None) -> Array:
+        return STRANG.over(y, interval, steps, integral) if interval / steps < 0.1 else np.full_like(y, bad / steps)
 
     method = Spy(BaseMethod(over, 2, 2), EIGHTH)
     with np.errstate(all="ignore"):
@@ -286,7 +309,7 @@ def test_controlled_recovers_from_steps_that_blow_up(bad: float) -> None:
 
 
 def test_a_step_that_never_succeeds_is_an_error() -> None:
-    nothing = BaseMethod(lambda y, interval, steps: y * math.nan, 2, 2)
+    nothing = BaseMethod(lambda y, interval, steps, integral: y * math.nan, 2, 2)
     with pytest.raises(StepTooSmall, match="no step down to"):
         steps_of(Controlled(Extrapolated(nothing, EIGHTH), lambda f: 1e-6), T)
 
@@ -294,8 +317,8 @@ def test_a_step_that_never_succeeds_is_an_error() -> None:
 def test_errors_that_no_shorter_step_mends_stall() -> None:
     """An error that falls just as the step does is not the method's: whoever drives decides, and both ways lead on."""
 
-    def over(y: Array, interval: float, steps: int) -> Array:
-        return STRANG.over(y, interval, steps) + 1e-4 * interval / steps  # as if from a grid
+    def over(y: Array, interval: float, steps: int, integral: Integral | None) -> Array:
+        return STRANG.over(y, interval, steps, integral) + 1e-4 * interval / steps  # as if from a grid
 
     stepper = Controlled(Extrapolated(BaseMethod(over, 2, 2), EIGHTH), lambda f: 1e-9)
     found = stepper.step(Y0, stepper.begin(Y0, 0.0), 0.0, T)

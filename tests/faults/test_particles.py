@@ -30,7 +30,7 @@ def test_a_velocity_that_is_not_finite_stops_the_run(
 
 def test_more_candidates_than_a_counter_tells_apart(make_scene: MakeScene, monkeypatch: pytest.MonkeyPatch) -> None:
     """One cell, one long step: the count of draws reaches its end, and no draw is used twice."""
-    particles = {"count": 40_000, "cells": 1, "time_step": 1.5}
+    particles = {"count": 40_000, "replicas": 1, "cells": 1, "time_step": 1.5}
     simulation = Simulation(make_plan(make_scene(collisions={**FOLLOW, "cross_section": 400.0}, particles=particles)))
     assert collisions.DRAWS == 2**24
     with pytest.raises(RuntimeError, match=r"candidate pairs in a cell; raise particles\.cells"):

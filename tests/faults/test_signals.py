@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 import xarray as xr
 
-from kinetic_solver import RunUnfinished, Scene, run_to_file
+from kinetic_solver import RunUnfinished, Scene, compiling, run_to_file
 from kinetic_solver.cli.signals import listening
 from kinetic_solver.dataset import open_run
 from kinetic_solver.methods import METHODS, Interruption
@@ -66,7 +66,11 @@ def heard() -> Iterator[None]:
 def end(process: subprocess.Popen[str]) -> tuple[int, str]:
     """(exit code, what was said), lines of progress left out."""
     _, said = process.communicate(timeout=SECONDS)
-    return process.returncode, "\n".join(line for line in said.splitlines() if " s left" not in line)
+    return process.returncode, "\n".join(line for line in said.splitlines() if not of_progress(line))
+
+
+def of_progress(line: str) -> bool:
+    return " s left" in line or line.strip() in ("starting", compiling.LINE)
 
 
 @pytest.mark.parametrize(
@@ -84,7 +88,7 @@ def test_a_signal_stops_a_run(tmp_path: Path, method: str, name: str, code: int)
             while not (tmp_path / "out.nc.checkpoint").exists() and process.poll() is None and time.monotonic() < late:
                 time.sleep(0.02)
             os.kill(process.pid, signal.SIGUSR1)
-            said = next(line for line in process.stderr if " s left" not in line)
+            said = next(line for line in process.stderr if not of_progress(line))
             assert said.startswith("checkpoint written at t = ")
             assert process.poll() is None
             os.kill(process.pid, getattr(signal, name))

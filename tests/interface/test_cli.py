@@ -5,11 +5,13 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 import xarray as xr
 
+Command = Callable[..., subprocess.CompletedProcess[str]]
 SCENE = """
 [pipe]
 length = 9.0
@@ -154,3 +156,26 @@ velocity_window = [-6.0, 6.0]
         assert dataset.sizes["time"] > 2
         temperature = dataset["temperature"].values[:, 0]
         assert (temperature[1:] < temperature[:-1]).all()
+
+
+def test_quiet_and_verbose(command: Command, folder: Path) -> None:
+    """Errors alone, or what the run will use and why, by every method."""
+    done = command("run", "scene.toml", "-q", "--set", "grid.nx=9", "--set", "grid.nv=14", folder=folder)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")  # although its error is above rtol, which is a warning else
+    done = command("run", "scene.toml", "--quiet", folder=folder)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith("error: scene.nc: exists already")
+    said = {
+        "grid": "resolves the narrowest velocity distribution",
+        "exact": "closed form  at 64 places",
+        "particles": "in each of 2 replicas",
+        "hydrodynamics": "the paper's closure (3)-(5)",
+    }
+    given = ("--set", "particles.count=100", "--set", "particles.replicas=2", "--set", "accuracy.rtol=1e-2")
+    for method, text in said.items():
+        done = command("run", "scene.toml", "-o", f"{method}.nc", "--method", method, "-v", *given, folder=folder)
+        assert (done.returncode, text in done.stdout) == (0, True), done
+    done = command("run", "scene.toml", "-q", "-v", folder=folder)
+    assert (done.returncode, done.stderr) == (2, "error: --quiet, --verbose: both are given; allowed: one of them\n")
+    done = command("run", "scene.toml", "-o", "new.nc", "-v", "--method", "other", folder=folder)
+    assert (done.returncode, done.stdout, done.stderr[:25]) == (2, "", "error: method = 'other': ")

@@ -38,6 +38,7 @@ def test_a_scene_and_a_run_as_json(command: Command, folder: Path) -> None:
     described = json.loads(command("describe", "scene.toml", "--json", folder=folder).stdout)
     assert described["Equation"]["coefficients"] == "g = 1.3, γ = 0.7, σ = 0.5, L = 9"
     assert "nx" in described["Run on the grid"]
+    assert described["Run on the grid"]["seconds"] > 0
     run = json.loads(command("info", "exact.nc", "--json", folder=folder).stdout)
     assert (run["method"], run["status"], run["sizes"]["v"], run["time"]) == ("exact", "finished", 48, [0.0, 1.5])
     assert run["mass"] == pytest.approx([7.2, 7.2])

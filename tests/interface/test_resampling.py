@@ -56,6 +56,13 @@ def test_fields_are_those_of_the_solution_wherever_they_are_given(
         assert edges == pytest.approx(OUTPUTS[output]["velocity_window"])
 
 
+def test_temperatures_of_a_fast_flow_are_kept(make_scene: MakeScene) -> None:
+    """A thousand million times as fast as the particles within it: θ is not rounded away between u² and u²."""
+    run = solve(make_scene(collisions=None, output={"f": False}))
+    fast = run.assign(mean_velocity=run["mean_velocity"] + 1e9)
+    assert resample(fast, nx=24)["temperature"].values == pytest.approx(resample(run, nx=24)["temperature"].values, rel=1e-5)
+
+
 def test_a_wave_has_points_enough_to_be_looked_at(make_scene: MakeScene) -> None:
     coarse = {"modes": [{"mode": 1, "cos": 0.1}]}
     assert dict(solve(make_scene(initial=coarse)).sizes) == {"time": 2, "x": 65, "v": 64, "bounds": 2}

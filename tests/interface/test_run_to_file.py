@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import logging
 import sys
+import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -23,11 +25,11 @@ from kinetic_solver import (
     run_to_file,
     solve,
 )
+from kinetic_solver import progress as progress_module
 from kinetic_solver.cli import app
 from kinetic_solver.dataset import VARIABLES, MemoryRecorder, open_netcdf, open_run, recording, refuse_existing, scene_of
 from kinetic_solver.methods import METHODS, Interruption
-from kinetic_solver.methods import progress as progress_module
-from kinetic_solver.methods.progress import telling
+from kinetic_solver.progress import telling
 from kinetic_solver.scene import Schedule
 from particles import simulate
 
@@ -257,6 +259,51 @@ def test_progress_in_lines(
     assert said.err.splitlines() == ["t = 1 of 1.5, 6 s left", "t = 1.5 of 1.5, 0 s left"]
     run_to_file(make_scene(**SMALL), tmp_path / "b.nc", "exact")
     assert capsys.readouterr() == ("", "")
+
+
+def test_progress_before_anything_is_done(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Something is said of a run that is long in coming; nothing of one that is refused at once."""
+    said = threading.Event()
+    monkeypatch.setattr(progress_module, "SECONDS_IN_SILENCE", 0.0)
+    monkeypatch.setattr(progress_module.log, "info", lambda *text: said.set())
+    with telling(True):
+        assert said.wait(60)
+    monkeypatch.undo()
+    with pytest.raises(SceneError), telling(True):
+        raise SceneError("no")
+    assert capsys.readouterr() == ("", "")
+
+
+def test_progress_of_what_is_kept_in_memory(
+    make_scene: MakeScene, capsys: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
+) -> None:
+    """Lines on stderr; where logging is set up at INFO, in the log and nowhere else; a callable is called."""
+    scene = make_scene(**SMALL)
+    for run in (solve, hydrodynamics.solve, simulate):
+        run(scene, progress=True)
+        assert capsys.readouterr().err.splitlines()[-1].startswith("t = 1.5 of 1.5")
+    with caplog.at_level(logging.INFO, "kinetic_solver"):
+        solve(scene, progress=True)
+    assert capsys.readouterr().err == ""
+    assert caplog.records[-1].name == "kinetic_solver.progress"
+    assert caplog.records[-1].getMessage() == "t = 1.5 of 1.5, 0 s left"
+    told: list[float] = []
+    solve(scene, progress=lambda time, end: told.append(time))
+    assert told == [0.5, 1.0, 1.5]
+
+
+def test_a_bar_before_the_first_step(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    """A bar, which is there before the first step."""
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True)
+    monkeypatch.setenv("TERM", "xterm")
+    with telling(True) as bar:
+        assert bar is not None
+        bar(0.3, 1.5)
+        bar(1.5, 1.5)
+    said = capsys.readouterr().err
+    assert "starting" in said
+    assert "t = 1.5" in said
+    assert "100 %" in said
 
 
 def test_progress_of_a_run_that_goes_back(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:

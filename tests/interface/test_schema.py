@@ -62,7 +62,8 @@ def test_every_key_of_a_scene_is_in_it(whole: dict[str, Any]) -> None:
     sections = keys_table().split("\n## ")
     assert len(sections) == 1 + len(Scene.model_fields) + 5
     pipe = next(section for section in sections if section.startswith("[pipe]"))
-    assert "| `length` | number > 0 | length | required | L, the period of the pipe. |" in pipe
+    assert "**`length`** (number > 0; in length; required)  \nL, the period of the pipe." in pipe
+    assert max(len(line) for line in keys_table().splitlines()) <= 130
 
 
 @pytest.mark.parametrize("path", [*sorted((ROOT / "scenes").glob("*.toml")), shipped("pipe")], ids=lambda path: path.stem)

@@ -69,6 +69,14 @@ def test_the_verdict_answers_each_question(scene: Scene) -> None:
     assert "apparent critical density" in answer(sections, 4)
 
 
+def test_no_contrast_where_linear_theory_has_left_its_range(scene: Scene) -> None:
+    dense = scene.replace(**{"collisions.cross_section": 5.0, "particles.count": 1000})
+    sections = dict(verdict(dense, linear_theory(dense)))
+    noise = sections["4. What do the fluctuations of N particles look like?"]
+    assert noise[0].startswith("With N = 1000 (particles.count) linear theory has left its range: waves are no longer small")
+    assert sections["Mode by mode"][2].rstrip().endswith("out of range")
+
+
 def test_below_the_critical_density_and_without_one(scene: Scene) -> None:
     thin = scene.model_copy(update={"initial": scene.initial.model_copy(update={"density": 0.1})})
     sections = verdict(thin, linear_theory(thin))

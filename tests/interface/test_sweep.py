@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import tracemalloc
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -16,6 +17,8 @@ import xarray as xr
 from kinetic_solver import Scene, SceneError, exact, sweep
 from kinetic_solver.dataset import open_netcdf
 from kinetic_solver.sweeps import parse_values
+from kinetic_solver.sweeps.combined import combined
+from kinetic_solver.sweeps.points import points, run_point
 from particles import simulate
 
 MakeScene = Callable[..., Scene]
@@ -161,6 +164,32 @@ def test_times_lengths_and_words(make_scene: MakeScene, threads: Any) -> None:
     words = sweep(scene, {"grid.velocity": ["points", "hermite"]}, executor=threads)
     assert words["grid.velocity"].values.tolist() == ["points", "hermite"]
     assert words["f"].sizes["grid.velocity"] == 2
+
+
+def test_the_whole_takes_little_more_memory_than_itself(make_scene: MakeScene, tmp_path: Path) -> None:
+    """Points are put into it one at a time."""
+    output = {"nx": 65, "nv": 80, "velocity_window": [-6.0, 8.0]}
+    scene = make_scene(output=output, run={"end_time": 1.5, "output_every": 0.1}, accuracy={"rtol": 1e-2})
+    values = {"model.gravity": [0.1 * n for n in range(12)]}
+    listed = list(points(scene, values, "grid", tmp_path))
+    for point in listed:
+        run_point(point)
+    combined(scene, {"model.gravity": [0.0]}, listed[:1])  # what is imported and kept for once and all
+    tracemalloc.start()
+    found = combined(scene, values, listed)
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert found["f"].shape == (12, 16, 65, 80)
+    assert found["time"].attrs == {"long_name": "time", "units": "time"}
+    assert most < 1.6 * found.nbytes
+
+
+def test_replicas_as_a_key(make_scene: MakeScene, threads: Any) -> None:
+    """Points of other numbers of replicas: those that one does not have are missing."""
+    scene = make_scene(particles={"count": 200}, grid={"nx": 5, "nv": 16}, output={"f": False})
+    found = sweep(scene, {"particles.replicas": [2, 3]}, method="particles", executor=threads)
+    shares = found["density_replica"].isel(time=-1, x=0)
+    assert np.isfinite(shares).sum("replica").values.tolist() == [2, 3]
 
 
 def test_from_the_command_line(command: Command, make_scene: MakeScene, tmp_path: Path) -> None:

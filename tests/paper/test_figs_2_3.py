@@ -136,7 +136,7 @@ def test_the_inelastic_equation_has_the_moments_of_its_state() -> None:
 
 
 @BOTH
-def testtwo_populations(operator: str) -> None:
+def test_two_populations(operator: str) -> None:
     """Equal densities everywhere are one homogeneous state; two densities are two, each with its share of the particles."""
     scene = figure_scene(3, operator)
     v = np.linspace(-12, 6, 3001)
@@ -228,6 +228,10 @@ def test_the_summary() -> None:
     assert float(row["a2"]) == pytest.approx(((u - u.mean()) ** 4).mean() / (3 * u.var() ** 2) - 1, abs=6e-4)
     assert "(2) stays homogeneous: mean v 0.5, variance 1" in lines
     assert f"linear theory of noise: contrast {expected_contrast(scene):.3g} (independent particles" in lines[-1]
+    dense = found.assign_attrs(scene=figure_scene(3, count=scene.particles.count).model_dump_json(exclude_none=True))
+    assert "linear theory of noise: has left its range (independent particles" in summary(dense)[-1]
+    shown = snapshots.draw_snapshots(dense).get_suptitle()
+    assert shown.endswith("linear theory of their noise has left its range")
 
 
 @BOTH
@@ -263,6 +267,13 @@ def test_two_fitted_populations() -> None:
     means, shares = snapshots.fit_two(v, 0.25)
     assert means == pytest.approx([-2, 1], abs=4 * 0.5 / math.sqrt(3000))
     assert shares == pytest.approx([0.3, 0.7], abs=4 * math.sqrt(0.21 / 10_000))
+    near = np.concatenate([rng.normal(-0.3, 0.5, 4000), rng.normal(0.5, 0.5, 2000)])
+    for sample in (v, near):  # the likelihood is stationary: each mean and each share is that of the particles that belong to it
+        means, shares = snapshots.fit_two(sample, 0.25)
+        likelihood = shares[:, None] * np.exp(-((sample - means[:, None]) ** 2) / 0.5)
+        belongs = likelihood / likelihood.sum(axis=0)
+        assert belongs @ sample / belongs.sum(axis=1) == pytest.approx(means, abs=1e-6)
+        assert belongs.mean(axis=1) == pytest.approx(shares, abs=1e-6)
     narrow = rng.normal(3.0, 0.4, 1000)
     assert snapshots.fit_two(narrow, 0.25)[0] == pytest.approx([narrow.mean()] * 2)
 

@@ -6,7 +6,10 @@ import numba
 import numpy as np
 
 from kinetic_solver.arrays import Array
+from kinetic_solver.compiling import watch
 from kinetic_solver.threads import over_rows
+
+watch()
 
 LARGEST_EXPONENT = 500.0
 """Largest exponent of one piece of a substep. The logarithm of the largest double is 709; f itself needs some of that."""

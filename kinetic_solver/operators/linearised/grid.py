@@ -81,15 +81,19 @@ class GridLinearisedStep:
         self.drift_diffusion = drift_diffusion
         self.tolerance = tolerance
         self.density_defect = 0.0
-        self._growing = Tables[LinearStep](GROWTHS)
+        self.forget()
         self._transform = RealTransform(grid.nx, grid.nv)
-        self._tables = Tables[_LocalTable](TABLES)
         self._keep = resolved_waves(grid)
         self._ratio = GaugeRatio(grid, cross_section)
         self._modes_of: tuple[Lifted, NDArray[np.complex128] | None, float] | None = None
 
     def __call__(self, f: Array, h: float) -> Array:
         return self.lower(self.propagate(self.lift(f), h))
+
+    def forget(self) -> None:
+        """Drops all tables: of steps whose lengths do not come again."""
+        self._growing = Tables[LinearStep](GROWTHS)
+        self._tables = Tables[_LocalTable](TABLES)
 
     def gauge_range(self, f: Array) -> float:
         """S·(max - min) of the periodic part of Φ: the logarithm of max W/min W."""
@@ -169,7 +173,8 @@ class GridLinearisedStep:
         return self._transform.forward(lifted.values * np.exp(phi - phi.max())[:, None]).copy(), mean
 
     def _growing_at(self, mean_density: float) -> LinearStep:
-        return LinearStep(self.grid, self.model, self.drift_diffusion, growth=self.cross_section * mean_density)
+        growth = self.cross_section * mean_density
+        return LinearStep(self.grid, self.model, self.drift_diffusion, growth, self._transform)
 
     def _potential(self, density: Array) -> Array:
         return np.fft.irfft(integral_spectrum(density, self.grid.wavenumbers), n=self.grid.nx)

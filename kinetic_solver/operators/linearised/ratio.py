@@ -13,6 +13,7 @@ costs nx³, and its round-off is relative to the largest η.
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import dataclass
 
@@ -83,10 +84,11 @@ class GaugeRatio:
             y = q * y + g
         # Once around from 0 gave y; periodic is what comes back as itself.
         y /= -math.expm1(-s * float(density.mean()) * self.grid.length)
-        result = np.empty(nx)
-        for i, (q, g) in enumerate(zip(factor, gain, strict=True)):
-            result[i] = y = q * y + g
-        return result
+        result = []
+        for q, g in zip(factor, gain, strict=True):
+            y = q * y + g
+            result.append(y)
+        return np.array(result)
 
 
 def _check(condition: bool) -> None:
@@ -108,8 +110,14 @@ class _Nodes:
     """From ρ to Φ(x_i) - Φ(x_i - dx); (nx//2 + 1,)."""
 
 
+@functools.lru_cache(maxsize=64)
+def _gauss_legendre(count: int) -> tuple[Array, Array]:
+    """Nodes and weights on [-1, 1]: the eigenvalues of a matrix, and the same in every run. They are read only."""
+    return np.polynomial.legendre.leggauss(count)
+
+
 def _nodes(grid: PhaseSpaceGrid, count: int) -> _Nodes:
-    points, weights = np.polynomial.legendre.leggauss(count)
+    points, weights = _gauss_legendre(count)
     distance = np.append(grid.dx * (1 - points) / 2, grid.dx)
     phase = np.outer(distance, grid.wavenumbers)
     # [1 - exp(-ikr)]/ik, without the difference

@@ -109,6 +109,25 @@ def test_the_time_of_what_has_none(make_scene: MakeScene, run: xr.Dataset) -> No
     assert times(found) == {0}
 
 
+def test_a_snapshot_says_how_little_it_can_tell(make_scene: MakeScene) -> None:
+    """Of independent particles: density in 16 waves known to √(33/N), twice that as a share of its maximum; a hundred times as
+    many in replicas tell a tenth of it apart."""
+    right, rng = truth(make_scene(initial=HOMOGENEOUS, grid={"nx": 33, "nv": 48})), np.random.default_rng(3)
+
+    def cloud(*shape: int) -> xr.Dataset:
+        dims = ("replica", "n")[-len(shape) :]
+        return xr.Dataset({"x": (dims, rng.uniform(0, 9, shape)), "v": (dims, rng.normal(1.3 / 0.7, math.sqrt(0.5), shape))})
+
+    few, many = compare(right, cloud(2000), time=0.0), compare(right, cloud(8, 25_000), time=0.0)
+    density = next(row for row in few.rows if row.field == "density")
+    expected = 2 * math.sqrt(density.points.size / 2000) * 0.8 / density.scale
+    assert 0.7 * expected < few.hidden < 2.5 * expected
+    assert (few.differ, few.conclusive) == (False, False)
+    assert few.verdict.startswith(f"inconclusive: differences below {100 * few.hidden:.2g} % cannot be judged")
+    assert (many.differ, many.conclusive) == (False, True)
+    assert many.hidden == pytest.approx(few.hidden / 10, rel=0.4)
+
+
 @pytest.mark.parametrize("count", [3, 4, 19])
 def test_an_ensemble_of_very_few(make_scene: MakeScene, count: int) -> None:
     """Fewer than four have no two parts with an error each."""
@@ -123,7 +142,7 @@ def test_an_ensemble_of_very_few(make_scene: MakeScene, count: int) -> None:
 
 def test_raw_particles_of_a_stopped_run(make_scene: MakeScene) -> None:
     """A cadence of its own has frames to come, which are NaN: those that are there are compared."""
-    scene = make_scene(particles={"count": 3000}, output={"particles": 0.5}, grid=GRID)
+    scene = make_scene(particles={"count": 3000, "replicas": 1}, output={"particles": 0.5}, grid=GRID)
     stopped = ensemble(scene).copy(deep=True)
     assert stopped["position"].dims[0] == "time_particles"
     for name in ("position", "velocity"):
@@ -134,7 +153,11 @@ def test_raw_particles_of_a_stopped_run(make_scene: MakeScene) -> None:
 
 def test_mean_velocities_of_raw_particles_are_relative_to_the_thermal_one(make_scene: MakeScene) -> None:
     scene = make_scene(
-        model={"gravity": 0.0}, initial=HOMOGENEOUS, particles={"count": 20_000}, output={"particles": True}, grid=GRID
+        model={"gravity": 0.0},
+        initial=HOMOGENEOUS,
+        particles={"count": 20_000, "replicas": 1},
+        output={"particles": True},
+        grid=GRID,
     )
     one = ensemble(scene)
     row = next(row for row in compare(one, one).rows if row.field == "mean_velocity")

@@ -34,7 +34,7 @@ def test_refusals_of_runs(make_scene: MakeScene, first: dict[str, Any], second: 
 def test_refusals_of_particles(make_scene: MakeScene, run: xr.Dataset) -> None:
     with pytest.raises(SceneError, match="A, B: neither has a scene, so the period is not known"):
         compare(raw(run), raw(run))
-    one = ensemble(make_scene(particles={"count": 2000}, grid=GRID))
+    one = ensemble(make_scene(particles={"count": 2000, "replicas": 1}, grid=GRID))
     with pytest.raises(SceneError, match=r"A: one replica gives no standard errors; set particles.replicas = 8, or output"):
         compare(one, truth(make_scene()))
     lost = raw(run).copy(deep=True)

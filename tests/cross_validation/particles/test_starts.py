@@ -85,7 +85,7 @@ def test_from_an_f_of_ones_own(make_scene: MakeScene, start: dict[str, object], 
 
 def test_moments_at_every_place(make_scene: MakeScene) -> None:
     """A million particles: the mean and the variance of v in each of 40 cells of x, to standard errors of 0.6 %."""
-    scene = make_scene(initial=VARIED, particles={"count": 1_000_000})
+    scene = make_scene(initial=VARIED, particles={"count": 1_000_000, "replicas": 1})
     bare, f = given(scene)
     ((x, v),) = Simulation(make_plan(bare, own=f)).particles()
     cell = (x / 9.0 * 40).astype(int)
@@ -119,7 +119,7 @@ def test_the_same_particles_for_any_number_of_threads(make_scene: MakeScene) -> 
 
 def test_nobody_in_a_vacuum(make_scene: MakeScene) -> None:
     """f that is 0 over a part of the pipe."""
-    bare, _ = given(make_scene(particles={"count": 20_000}, accuracy={"rtol": 1e-3}))
+    bare, _ = given(make_scene(particles={"count": 20_000, "replicas": 1}, accuracy={"rtol": 1e-3}))
 
     def lump(x: np.ndarray, v: np.ndarray) -> np.ndarray:
         return np.maximum(0.0, np.cos(2 * np.pi * (x - 4.0) / 9.0)) ** 4 * np.exp(-((v - 1) ** 2) / 2)
@@ -133,7 +133,7 @@ def test_collisions_see_the_waves_of_a_given_start(make_scene: MakeScene) -> Non
     """Cells and steps within a half and twice those of the same start from the scene."""
     follow = {"operator": "follow-the-leader", "cross_section": 0.6}
     for start in (VARIED, {"modes": [], "beams": BEAMS, "pulse": PULSE}):
-        scene = make_scene(initial=start, collisions=follow, particles={"count": 100_000})
+        scene = make_scene(initial=start, collisions=follow, particles={"count": 100_000, "replicas": 1})
         bare, f = given(scene)
         ours, theirs = make_plan(bare, own=f), make_plan(scene)
         assert 0.4 < ours.cells / theirs.cells < 2.5

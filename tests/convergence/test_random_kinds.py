@@ -1,0 +1,45 @@
+"""Random scenes of every kind, in random units, meet their rtol, and no estimate is below the error: benchmarks/random_kinds.py.
+
+Without collisions and with (6) against the closed form; with (12) against Fourier series (tests/reference/fourier_inelastic.py).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from benchmarks.random_kinds import KINDS, OPERATORS, attempt
+from kinetic_solver.scene import INELASTIC
+
+RTOL = 1e-3
+ROUND = len(KINDS) * len(OPERATORS)
+"""Seeds, after which every kind has had every operator."""
+CLOSED = [seed for seed in range(ROUND) if OPERATORS[seed % len(OPERATORS)] != INELASTIC]
+WITH_PAIRS = [5, 14, 17, 23, 32, 35]
+"""Cold, a step, waves, beams, hot, without gravity: those that take less than a second, their references too."""
+LONGEST = 0.5
+"""Seconds that a run may be foretold to take, here."""
+
+
+def check(line: dict[str, Any]) -> None:
+    """Right, or refused by a key, or said."""
+    if "refused" in line:
+        assert "allowed" in line["refused"], line
+        return
+    assert max(line["errors"].values()) <= 1 or line["said"], line
+    assert line["errors"]["f"] <= max(line["estimate"], 1e-2), line
+
+
+@pytest.mark.parametrize("seed", CLOSED)
+def test_against_the_closed_form(seed: int) -> None:
+    line = attempt(seed, RTOL, longest=LONGEST)
+    if "too_long" not in line:
+        check(line)
+
+
+@pytest.mark.parametrize("seed", WITH_PAIRS)
+def test_operator_12_against_fourier_series(seed: int) -> None:
+    line = attempt(seed, RTOL, longest=LONGEST)
+    assert line["operator"] == INELASTIC
+    check(line)
