@@ -28,6 +28,8 @@ class PhaseSpaceGrid:
     length: float
     low: float
     high: float
+    scaled: bool = False
+    """Whether v stands for scaled velocities (v - u)/s, s and u of each time: of the output of a run that cools."""
 
     @property
     def dx(self) -> float:

@@ -34,13 +34,15 @@ class KineticAccessor:
         if "density" in ds:
             return ds[[name for name in MOMENTS if name in ds]]
         f = self._need("f", "output.moments or output.f")
-        dv = float(ds["v"][1] - ds["v"][0])
-        density = f.sum("v") * dv
-        u = (f * ds["v"]).sum("v") * dv / density
-        c = ds["v"] - u
-        found = (density, u, (f * c**2).sum("v") * dv / density, (f * c**3).sum("v") * dv)
-        from kinetic_solver.dataset import VARIABLES
+        from kinetic_solver.dataset import VARIABLES, scales_of, velocity_axis
 
+        over = velocity_axis(f)
+        s, origin = (1.0, 0.0) if over == "v" else scales_of(f)
+        dv = float(ds[over][1] - ds[over][0])
+        density = f.sum(over) * dv
+        u = (f * ds[over]).sum(over) * dv / density
+        c = ds[over] - u
+        found = (density, origin + s * u, s**2 * (f * c**2).sum(over) * dv / density, s**3 * (f * c**3).sum(over) * dv)
         named = {}
         for name, field in zip(MOMENTS, found, strict=True):
             _, units, long_name = VARIABLES["moments"][name]
@@ -111,7 +113,7 @@ class KineticAccessor:
         """f over (x, v), or over v where nothing depends on x, at the frame nearest to `time`, by default the last one."""
         f = self._need("f", "output.f")
         frame = f.isel({f.dims[0]: -1}) if time is None else f.sel({f.dims[0]: time}, method="nearest")
-        return _labelled(frame.transpose("v", "x").squeeze("x" if self._ds.sizes["x"] == 1 else None), axes)
+        return _labelled(frame.transpose(..., "x").squeeze("x" if self._ds.sizes["x"] == 1 else None), axes)
 
     def plot_velocity_distribution(self, times: Sequence[float] | None = None, axes: Any = None) -> Any:
         """w(v) at the frames nearest to `times`, by default the first and the last one."""

@@ -132,7 +132,7 @@ def _run(plan: Plan) -> list[Row]:
         row("nx", f"{g.nx}", "nx"),
         row("nv", f"{g.nv}", "nv"),
         row("velocity window", f"[{g.low:.5g}, {g.high:.5g}]", "velocity_window"),
-        ("velocities", _VELOCITIES[plan.velocity if plan.velocity == "hermite" else plan.drift_diffusion]),
+        ("velocities", _VELOCITIES[_how(plan)]),
     ]
     if (plan.output.nx, plan.output.nv) != (g.nx, g.nv):
         rows.append(("fields given at", f"{plan.output.nx} places and {plan.output.nv} velocities   output.nx, output.nv"))
@@ -153,12 +153,24 @@ def _run(plan: Plan) -> list[Row]:
 def _frame(plan: Plan) -> str:
     if not plan.reference_frame.moving:
         return "at rest"
-    out = plan.output
+    out, frame = plan.output, plan.reference_frame
+    if frame.cooling > 0:
+        begins, ends = (frame.unit * frame.place(float(clock)).scale for clock in (0.0, plan.times[-1]))
+        over = "over scaled velocities (v - u)/s" if out.scaled else "over velocities"
+        where = f"written {over}, {out.nv} on [{out.low:.5g}, {out.high:.5g}], s from {begins:.4g} to {ends:.4g}"
+        return f"{where}   {plan.reasons['reference_frame']}"
     what = "gravity and friction are" if plan.reference_frame.noiseless else "gravity is"
     return f"moving: {what} a change of coordinates; written for {out.nv} velocities on [{out.low:.5g}, {out.high:.5g}]"
 
 
+def _how(plan: Plan) -> str:
+    if plan.reference_frame.cooling > 0:
+        return "cooling"
+    return plan.velocity if plan.velocity == "hermite" else plan.drift_diffusion
+
+
 _VELOCITIES = {
+    "cooling": "points, which the frame spreads exactly",
     "hermite": "Hermite functions about the homogeneous state",
     "kernel": "points, the exact Ornstein-Uhlenbeck kernel between them",
     "finite-volume-8": "points, finite volumes of order 8",

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kinetic_solver.arrays import Array
-from kinetic_solver.dataset import scene_of
+from kinetic_solver.dataset import scene_of, velocity_axis
 from kinetic_solver.errors import SceneError
 from kinetic_solver.interpolation import through_splines, through_waves
 from kinetic_solver.scene.cadence import SAME_TIME
@@ -89,7 +89,7 @@ def fine_x(dataset: xr.Dataset, values: Array, axis: int) -> tuple[Array, Array]
 
 def fine_v(dataset: xr.Dataset, values: Array) -> tuple[Array, Array]:
     """(v, values) along the last axis, on 400 points, by a cubic spline; of particles as they are."""
-    v = dataset["v"].values
+    v = dataset[velocity_axis(dataset)].values
     if is_counted(dataset) or not 4 <= v.size < FINE_V:
         return v, values
     fine = np.linspace(v[0], v[-1], FINE_V)

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from kinetic_solver.dataset import velocity_axis
+
 if TYPE_CHECKING:
     import xarray as xr
 
@@ -50,11 +52,13 @@ def summary(dataset: xr.Dataset) -> list[str]:
     if "time" in dataset.coords and dataset.sizes["time"]:
         t = dataset["time"].values
         lines.append(f"frames      {t.size}, t = {t[0]:g} to {t[-1]:g}")
-    if "x" in dataset.coords and "v" in dataset.coords:
-        v = dataset["v"].values
+    over = velocity_axis(dataset)
+    if "x" in dataset.coords and over in dataset.coords:
+        v = dataset[over].values
         if v.size > 1:
             lines.append(f"grid        nx = {dataset.sizes['x']}, nv = {v.size}")
-            lines.append(f"velocities  {v[0]:.5g} to {v[-1]:.5g}")
+            scaled = ", in scaled velocities" if over != "v" else ""
+            lines.append(f"velocities  {v[0]:.5g} to {v[-1]:.5g}{scaled}")
         else:
             lines.append(f"grid        nx = {dataset.sizes['x']}")
     else:
@@ -91,7 +95,7 @@ def facts(dataset: xr.Dataset) -> dict[str, Any]:
         found["stopped"] = dataset.attrs.get("stopped")
     found["sizes"] = {str(name): size for name, size in dataset.sizes.items()}
     found["variables"] = [str(name) for name in dataset.data_vars]
-    for axis in ("time", "x", "v"):
+    for axis in ("time", "x", velocity_axis(dataset)):
         if axis in dataset.coords and dataset.sizes[axis]:
             found[axis] = [float(dataset[axis][0]), float(dataset[axis][-1])]
     for name in ("mass", "momentum", "energy"):

@@ -10,7 +10,7 @@ from matplotlib.colors import LogNorm
 from kinetic_solver.analysis.drawing import GREY, shades
 from kinetic_solver.analysis.frames import FINE_V, fine_v, fine_x, frame_of, is_counted, some, times_of
 from kinetic_solver.arrays import Array
-from kinetic_solver.dataset import scene_of
+from kinetic_solver.dataset import scene_of, velocity_axis
 from kinetic_solver.scene import INELASTIC
 from kinetic_solver.stability.homogeneous import homogeneous_state
 
@@ -33,6 +33,10 @@ DECADES = 30.0
 """A temperature that spans more than this factor is drawn on a logarithmic scale."""
 JUMP = 0.4
 """Of the range of the density: frames between which it changes by more somewhere show a moving front as a row of beads."""
+
+
+SCALED_LABEL = "scaled velocity (v − u)/s"
+"""Of a run that cools (dataset/scaled.py)."""
 
 
 def legend_below(axes: Any, columns: int) -> None:
@@ -90,7 +94,8 @@ def profiles(axes: Any, dataset: xr.Dataset, name: str, shown: list[int]) -> Non
 
 def velocity_distribution(axes: Any, dataset: xr.Dataset, shown: list[int]) -> None:
     """w(v), each frame over a Gaussian of its mean and variance; of particles as steps, with bands of one standard error."""
-    t, v = times_of(dataset, "velocity_distribution"), dataset["v"].values
+    over = velocity_axis(dataset)
+    t, v = times_of(dataset, "velocity_distribution"), dataset[over].values
     w = {n: frame_of(dataset, "velocity_distribution", n) for n in shown}
     dv = v[1] - v[0]
     edges = np.append(v - dv / 2, v[-1] + dv / 2)
@@ -112,7 +117,8 @@ def velocity_distribution(axes: Any, dataset: xr.Dataset, shown: list[int]) -> N
     axes.plot([], [], color=GREY, lw=1, ls=(0, (3, 2)), label="Gaussian")
     top = max(float(values.max()) for values in w.values())
     visible = v[np.any([values > 1e-3 * top for values in w.values()], axis=0)]
-    axes.set(xlabel="v", ylabel="w(v)", title="velocity distribution", xlim=(visible[0], visible[-1]), ylim=(0, None))
+    labels = {"xlabel": "v", "ylabel": "w(v)"} if over == "v" else {"xlabel": SCALED_LABEL, "ylabel": "s w(v)"}
+    axes.set(**labels, title="velocity distribution", xlim=(visible[0], visible[-1]), ylim=(0, None))
     legend_below(axes, 3)
 
 
@@ -135,7 +141,7 @@ def phase_space(figure: Any, dataset: xr.Dataset, shown: list[int]) -> None:
         mesh = axes.pcolormesh(x, fine, f.T, cmap="magma", shading=shading, vmin=0, vmax=top, rasterized=True)
         axes.set(xlabel="x", title=f"f(x, v), t = {t[n]:.3g}", xlim=(0, x[-1]), ylim=(fine[visible[0]], fine[visible[-1]]))
     for axes in panels[:, 0]:
-        axes.set_ylabel("velocity v")
+        axes.set_ylabel("velocity v" if velocity_axis(dataset) == "v" else SCALED_LABEL)
     figure.colorbar(mesh, ax=panels, pad=0.01, aspect=30, label="f")
 
 
@@ -157,6 +163,8 @@ def history(axes: Any, dataset: xr.Dataset, name: str) -> None:
     axes.set(xlabel="time t", ylabel=symbol, title=title)
     if name == "temperature" and values.min() > 0 and values.max() > DECADES * values.min():
         axes.set(yscale="log")
+        if velocity_axis(dataset) != "v" and t.size > 2:
+            axes.set(xscale="log", xlim=(t[1], t[-1]))  # it cools as 1/t²
     elif name == "temperature":
         axes.set_ylim(0, 1.05 * axes.get_ylim()[1])
     if axes.get_yscale() == "linear":

@@ -10,6 +10,7 @@ Tests: tests/interface/test_resampling.py.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ import xarray as xr
 from numpy.typing import ArrayLike
 
 from kinetic_solver.arrays import Array
-from kinetic_solver.dataset import schema
+from kinetic_solver.dataset import in_velocities, schema, velocity_axis
 from kinetic_solver.errors import SceneError
 from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.interpolation import through_splines, through_waves
@@ -33,6 +34,7 @@ def resample(
 ) -> xr.Dataset:
     """The dataset at `nx` uniform places, at the centres of `nv` cells of `velocity_window`; by default its own.
 
+    Of a run over scaled velocities the window is of these.
     ds: of any method, dims (time, x, v) or without v. Totals and all that has neither x nor v stay as they are, and so do the
     moments over x where only v changes. Outside its window f is 0. Standard errors and error bars are interpolated linearly.
     Mean velocity, temperature and heat flux are missing where the nearest of the given ones is.
@@ -45,7 +47,7 @@ def resample(
         result = _along_x(result, grid.x, grid)
     if nv is not None or velocity_window is not None:
         grid = _velocities(ds, nv, velocity_window)
-        result = _along_v(result, grid.v, grid)
+        result = _along_v(result, grid.v, replace(grid, scaled=velocity_axis(ds) == schema.SCALED))
     return result
 
 
@@ -61,9 +63,14 @@ def at(ds: xr.Dataset, x: ArrayLike | None = None, v: ArrayLike | None = None) -
         places = np.asarray(given, dtype=float)
         if places.ndim > 1 or not np.isfinite(places).all():
             raise SceneError(f"{name} = {given!r}: allowed: a number, or a list of them")
-        if ds.sizes.get(name, 0) < (1 if name == "x" else 2):
+        if ds.sizes.get(velocity_axis(ds) if name == "v" else name, 0) < (1 if name == "x" else 2):
             raise SceneError(f"{name}: the dataset has no such axis; allowed: one with fields over {name}")
-        result = (_along_x if name == "x" else _along_v)(result, np.atleast_1d(places), None)
+        scaled = name == "v" and velocity_axis(ds) == schema.SCALED
+        result = (
+            in_velocities(result, np.atleast_1d(places))
+            if scaled
+            else (_along_x if name == "x" else _along_v)(result, np.atleast_1d(places), None)
+        )
         result = result[[key for key, field in result.data_vars.items() if name in field.dims]]
         result = result.isel({name: 0}) if places.ndim == 0 else result
     return result
@@ -75,7 +82,7 @@ def _check(ds: xr.Dataset, nx: int | None, nv: int | None, window: tuple[float, 
             raise SceneError(f"{name} = {wanted!r}: allowed: a whole number, {least} or more")
     if nx is not None and "x" not in ds.dims:
         raise SceneError("nx: the dataset has no x; allowed: one of this software")
-    if (nv is not None or window is not None) and ds.sizes.get("v", 0) < 2:
+    if (nv is not None or window is not None) and ds.sizes.get(velocity_axis(ds), 0) < 2:
         raise SceneError("nv, velocity_window: the dataset has no velocities; allowed: one with f or w(v)")
     if window is not None and not (len(window) == 2 and -math.inf < window[0] < window[1] < math.inf):
         raise SceneError(f"velocity_window = {window!r}: allowed: two numbers, the smaller one first")
@@ -131,7 +138,7 @@ def _moments(m: dict[str, xr.DataArray], waves: Array, ending: str) -> dict[str,
 
 
 def _velocities(ds: xr.Dataset, nv: int | None, window: tuple[float, float] | None) -> PhaseSpaceGrid:
-    own = ds["v"].values
+    own = ds[velocity_axis(ds)].values
     dv = (own[-1] - own[0]) / (own.size - 1)
     low, high = window or (float(own[0] - dv / 2), float(own[-1] + dv / 2))
     count = nv if nv is not None else max(2, round((high - low) / dv))
@@ -139,13 +146,14 @@ def _velocities(ds: xr.Dataset, nv: int | None, window: tuple[float, float] | No
 
 
 def _along_v(ds: xr.Dataset, velocities: Array, grid: PhaseSpaceGrid | None) -> xr.Dataset:
-    own = ds["v"].values
+    over = velocity_axis(ds)
+    own = ds[over].values
     fields: dict[str, xr.DataArray] = {}
     for name, field in ds.data_vars.items():
-        if "v" in field.dims and name != "v_bounds":
+        if over in field.dims and name != f"{over}_bounds":
             linear = str(name).endswith(("_stderr", "_error"))
-            fields[str(name)] = _map(field, "v", lambda a, linear=linear: _over_v(own, a, velocities, linear))
-    return _replaced(ds, fields, "v", velocities, grid)
+            fields[str(name)] = _map(field, over, lambda a, linear=linear: _over_v(own, a, velocities, linear))
+    return _replaced(ds, fields, over, velocities, grid)
 
 
 def _over_v(own: Array, values: Array, v: Array, linear: bool) -> Array:

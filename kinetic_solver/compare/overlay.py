@@ -16,7 +16,7 @@ import xarray as xr
 
 from kinetic_solver.arrays import Array
 from kinetic_solver.compare.comparison import LEVEL, Comparison
-from kinetic_solver.compare.recognition import side_of
+from kinetic_solver.compare.recognition import over_the_same_velocities, side_of
 from kinetic_solver.compare.rows import LEAST_COUNT, MEAN, Both, Row, W, of_all, over_phase_space, over_v, over_x
 from kinetic_solver.compare.shared import common_velocities, differences, listed, shared_times
 from kinetic_solver.compare.sides import Side
@@ -53,7 +53,7 @@ def compare(
     another period, a time that is not in the other.
     """
     names = [str(source) if not isinstance(source, xr.Dataset) else word for source, word in ((first, "A"), (second, "B"))]
-    a, b = side_of(first, names[0]), side_of(second, names[1])
+    a, b = (side_of(found, name) for found, name in zip(over_the_same_velocities(first, second), names, strict=True))
     scene = a.scene or b.scene
     if scene is None:
         raise SceneError(f"{a.name}, {b.name}: neither has a scene, so the period is not known; allowed: one run of this solver")

@@ -3,20 +3,41 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TypeAlias
 
 import xarray as xr
 
 from kinetic_solver.compare.ensembles import EnsembleSide
 from kinetic_solver.compare.runs import RunSide
 from kinetic_solver.compare.sides import Side
-from kinetic_solver.dataset import scene_of
+from kinetic_solver.dataset import in_velocities, on_scales_of, scales_of, scene_of
+from kinetic_solver.dataset.schema import SCALED
 from kinetic_solver.errors import SceneError
 from particles.files import open_particles, particle_names, what_is_read
 
+Source: TypeAlias = "str | Path | xr.Dataset"
 
-def side_of(source: str | Path | xr.Dataset, name: str) -> Side:
-    """The side that a file or a dataset is. Raises SceneError where it is neither a run nor particles."""
-    dataset = source if isinstance(source, xr.Dataset) else open_particles(source)
+
+def over_the_same_velocities(first: Source, second: Source) -> tuple[xr.Dataset, xr.Dataset]:
+    """Both over the velocities of one kind, called v: of two runs over scaled ones those of the first, otherwise velocities."""
+    a, b = (source if isinstance(source, xr.Dataset) else open_particles(source) for source in (first, second))
+    scaled = [SCALED in side.dims for side in (a, b)]
+    if all(scaled):
+        return a.rename({SCALED: "v"}), on_scales_of(b, a).rename({SCALED: "v"})
+    return (_in_those_of(a, b), b) if scaled[0] else (a, _in_those_of(b, a)) if scaled[1] else (a, b)
+
+
+def _in_those_of(run: xr.Dataset, other: xr.Dataset) -> xr.Dataset:
+    """Without velocities of its own, as of particles or hydrodynamics, the run's at its first frame."""
+    if "v" in other.dims and other.sizes["v"] > 1:
+        return in_velocities(run, other["v"].values)
+    field = run["f"] if "f" in run else run["velocity_distribution"]
+    s, origin = (float(value[0]) for value in scales_of(field))
+    return in_velocities(run, origin + s * run[SCALED].values)
+
+
+def side_of(dataset: xr.Dataset, name: str) -> Side:
+    """The side that a dataset is. Raises SceneError where it is neither a run nor particles."""
     scene = scene_of(dataset, name) if "scene" in dataset.attrs else None
     raw = particle_names(dataset) is not None
     if "density" not in dataset and not raw:

@@ -16,6 +16,7 @@ from kinetic_solver.dataset.lock import one_writer
 from kinetic_solver.dataset.netcdf_recorder import NetCDFRecorder
 from kinetic_solver.dataset.provenance import attributes, law_attribute, version
 from kinetic_solver.dataset.recorders import MemoryRecorder, Recorder, recording
+from kinetic_solver.dataset.scaled import in_velocities, on_scales_of, scales_of, velocity_axis
 from kinetic_solver.dataset.schema import FINISHED, RUNNING, STOPPED, VARIABLES, Frame, Variables
 
 __all__ = [
@@ -33,15 +34,19 @@ __all__ = [
     "attributes",
     "compress",
     "finished",
+    "in_velocities",
     "law_attribute",
     "law_of_run",
+    "on_scales_of",
     "one_writer",
     "open_netcdf",
     "open_run",
     "recording",
     "refuse_existing",
     "refuse_law",
+    "scales_of",
     "scene_of",
+    "velocity_axis",
     "version",
     "write_dataset",
 ]

@@ -22,6 +22,7 @@ from kinetic_solver.dataset.recorders import numbers
 from kinetic_solver.dataset.schema import (
     FINISHED,
     RUNNING,
+    SCALED,
     STATUS_ATTRIBUTES,
     STOPPED,
     TIME_ATTRIBUTES,
@@ -30,6 +31,8 @@ from kinetic_solver.dataset.schema import (
     Variables,
     bounds,
     coordinates,
+    scale_names,
+    variables_on,
 )
 from kinetic_solver.dataset.units import conventions, unit_in
 from kinetic_solver.errors import OutputFailed, SceneError
@@ -81,8 +84,9 @@ class NetCDFRecorder:
         self._named = False
         self._grid, self._scene, self._method = grid, scene, method
         self._file: Any = None
-        self._variables, self._more, self._notes = variables, more or {}, dict(notes or {})
+        self._more, self._notes = more or {}, dict(notes or {})
         self._schedule, self._dimensions = schedule, schedule.dimensions(scene)
+        self._variables = variables_on(grid, variables, self._dimensions)
         self._count = dict.fromkeys(self._dimensions.values(), 0)
         """Frames that are written."""
         self._waiting: dict[str, list[tuple[float, dict[str, Any]]]] = {name: [] for name in self._count}
@@ -121,9 +125,9 @@ class NetCDFRecorder:
         except OSError as error:
             raise SceneError(f"{self.path}: cannot be created ({error.strerror})") from None
         out.setncatts({**attributes(scene, method), **conventions(scene), **self._notes, "room": " " * ROOM})
-        for name, size in (("x", grid.nx), ("v", grid.nv), ("bounds", 2)):
-            out.createDimension(name, size)
+        out.createDimension("bounds", 2)
         for name, (dimension, values, attrs) in coordinates(grid).items():
+            out.createDimension(name, values.size)
             variable = out.createVariable(name, "f8", (dimension,))
             variable.setncatts({**attrs, "units": unit_in(scene, attrs["units"])})
             variable[:] = values
@@ -148,6 +152,8 @@ class NetCDFRecorder:
             for name, (dims, units, long_name) in self._variables[group].items():
                 variable = out.createVariable(name, "f8", (dimension, *dims), fill_value=np.nan)
                 variable.setncatts({"long_name": long_name, "units": unit_in(scene, units)})
+                if SCALED in dims:  # so that whoever takes the field has its velocities, too
+                    variable.setncattr("coordinates", " ".join(scale_names(dimension)))
         out.sync()
         # The room stays: where the data begin has been settled (tests/faults/test_files.py).
         out.delncattr("room")

@@ -15,7 +15,9 @@ import numpy as np
 from kinetic_solver.dataset.provenance import attributes
 from kinetic_solver.dataset.schema import (
     FINISHED,
+    ORIGIN,
     RUNNING,
+    SCALE,
     STATUS_ATTRIBUTES,
     STOPPED,
     TIME_ATTRIBUTES,
@@ -24,6 +26,7 @@ from kinetic_solver.dataset.schema import (
     Variables,
     bounds,
     coordinates,
+    variables_on,
 )
 from kinetic_solver.dataset.units import name_units
 from kinetic_solver.errors import OutputFailed, RunUnfinished, SolverStopped
@@ -79,8 +82,9 @@ class MemoryRecorder:
         notes: Mapping[str, str] | None = None,
     ) -> None:
         self.grid, self.scene, self.method = grid, scene, method
-        self._variables, self._more, self._notes = variables, more or {}, dict(notes or {})
+        self._more, self._notes = more or {}, dict(notes or {})
         self._dimensions = schedule.dimensions(scene)
+        self._variables = variables_on(grid, variables, self._dimensions)
         self._times: dict[str, list[float]] = {name: [] for name in self._dimensions.values()}
         self._values: dict[str, list[Any]] = {}
         self._status = RUNNING
@@ -114,6 +118,8 @@ class MemoryRecorder:
         axes.update({name: (name, values, numbers(name)) for name, values in self._more.items()})
         for name, times in self._times.items():
             axes[name] = (name, self.scene.initial.time + np.array(times), TIME_ATTRIBUTES)
+        scales = [name for name in data if name.startswith((SCALE, ORIGIN))]
+        axes.update({name: data.pop(name) for name in scales})
         dataset = xr.Dataset(data, axes, attributes(self.scene, self.method) | self._notes)
         name_units(dataset, self.scene)
         dataset.attrs.update(self._last)

@@ -65,6 +65,38 @@ VARIABLES: Variables = {
     },
 }  # fmt: skip
 
+_OF_SCALED = {
+    "f": ("particles length-1", "distribution function over scaled velocities, f(x, v) velocity_scale, point values"),
+    "velocity_distribution": ("particles", "velocity distribution over scaled velocities, w(v) velocity_scale"),
+}
+
+
+def variables_on(grid: PhaseSpaceGrid, variables: Variables, dimensions: Mapping[str, str]) -> Variables:
+    """Those of a run that is written over this grid: over scaled velocities with their scale and origin, for every time dimension
+    (group → name) once."""
+    if not grid.scaled:
+        return variables
+    found = {group: dict(there) for group, there in variables.items()}
+    having: set[str] = set()
+    for group, dimension in dimensions.items():
+        there = found[group]
+        for name in _OF_SCALED.keys() & there.keys():
+            dims = tuple(SCALED if dim == V else dim for dim in there[name][0])
+            there[name] = (dims, *_OF_SCALED[name])
+            if dimension not in having:
+                having.add(dimension)
+                scale, origin = scale_names(dimension)
+                there[scale] = ((), "length time-1", "scale s of the scaled velocities")
+                there[origin] = ((), "length time-1", "origin u_ref of the scaled velocities")
+    return found
+
+
+def scale_names(dimension: str) -> tuple[str, str]:
+    """(of s, of u_ref) over this time dimension."""
+    ending = dimension.removeprefix("time")
+    return SCALE + ending, ORIGIN + ending
+
+
 STATUS_ATTRIBUTES = {
     "long_name": "state of the run",
     "flag_values": np.array([RUNNING, FINISHED, STOPPED], dtype="i1"),
@@ -76,16 +108,24 @@ TIME_ATTRIBUTES = {"long_name": "time", "units": "time"}
 """Without axis = "T": CF keeps that for times since a date, and this is the time since a start."""
 
 
+V, SCALED = "v", "scaled_velocity"
+"""The two axes of velocity: v itself, and w = (v - u_ref(t))/s(t) of a run that cools (scaled.py)."""
+SCALE, ORIGIN = "velocity_scale", "velocity_origin"
+"""s and u_ref; with a time dimension of another name than `time` its ending is theirs as well."""
+
+
 def coordinates(grid: PhaseSpaceGrid) -> dict[str, tuple[str, np.ndarray, dict[str, str]]]:
-    return {
-        "x": ("x", grid.x, {"long_name": "position", "units": "length", "axis": "X", "bounds": "x_bounds"}),
-        "v": ("v", grid.v, {"long_name": "velocity", "units": "length time-1", "bounds": "v_bounds"}),
-    }
+    x = {"long_name": "position", "units": "length", "axis": "X", "bounds": "x_bounds"}
+    if grid.scaled:
+        name, attrs = SCALED, {"long_name": "scaled velocity (v - velocity_origin)/velocity_scale", "units": "1"}
+    else:
+        name, attrs = V, {"long_name": "velocity", "units": "length time-1"}
+    return {"x": ("x", grid.x, x), name: (name, grid.v, {**attrs, "bounds": f"{name}_bounds"})}
 
 
 def bounds(grid: PhaseSpaceGrid) -> dict[str, tuple[str, np.ndarray]]:
-    half = grid.dx / 2
+    half, velocity = grid.dx / 2, SCALED if grid.scaled else V
     return {
         "x_bounds": ("x", np.stack([grid.x - half, grid.x + half], axis=1)),
-        "v_bounds": ("v", np.stack([grid.faces[:-1], grid.faces[1:]], axis=1)),
+        f"{velocity}_bounds": (velocity, np.stack([grid.faces[:-1], grid.faces[1:]], axis=1)),
     }

@@ -13,7 +13,7 @@ from kinetic_solver.initial.fields import (
     temperature,
 )
 from kinetic_solver.initial.from_file import file_grid, file_notes, from_file
-from kinetic_solver.initial.given import Given, GivenStart, notes_of, recorded, take
+from kinetic_solver.initial.given import Given, GivenStart, notes_of, of_file, recorded, take
 from kinetic_solver.initial.start import Gaussians, SceneStart, Start
 from kinetic_solver.initial.state import distribution, initial_state, maxwellian
 
@@ -38,6 +38,7 @@ __all__ = [
     "maxwellian",
     "mean_velocity",
     "notes_of",
+    "of_file",
     "recorded",
     "resolved_density",
     "resolved_lifted_density",

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kinetic_solver.arrays import Array
-from kinetic_solver.dataset import open_netcdf
+from kinetic_solver.dataset import open_netcdf, scales_of, velocity_axis
 from kinetic_solver.errors import SceneError
 from kinetic_solver.initial.coordinates import Points, uniform_points
 from kinetic_solver.interpolation import through_splines
@@ -68,7 +68,8 @@ def file_notes(scene: Scene) -> list[str]:
 
 
 def read_state(scene: Scene) -> Points:
-    """The last f(x, v) that the file has, with or without a dimension `time…`, its dimensions in any order.
+    """The last f(x, v) that the file has, with or without a dimension `time…`, its dimensions in any order; over scaled
+    velocities, those of that frame.
 
     Raises SceneError where the file has no f(x, v) of the scene's period, and where that f is not finite, or negative by more
     than accuracy.rtol of its maximum.
@@ -79,16 +80,22 @@ def read_state(scene: Scene) -> Points:
     if Path(path).suffix.lower() == ".csv":
         raise SceneError(f"{where}: is a table of particles; allowed for the grid: f(x, v) in a netCDF file")
     with open_netcdf(path, where) as data:
-        if "f" not in data or {str(d) for d in data["f"].dims if not str(d).startswith("time")} != {"x", "v"}:
+        over = velocity_axis(data["f"]) if "f" in data else "v"
+        if "f" not in data or {str(d) for d in data["f"].dims if not str(d).startswith("time")} != {"x", over}:
             raise SceneError(
                 f"{where}: has no f(time, x, v) or f(x, v); the grid method starts from nothing else (its variables: "
                 f"{', '.join(map(str, list(data.data_vars)[:8])) or 'none'})"
             )
-        if missing := [name for name in ("x", "v") if name not in data.coords]:
+        if missing := [name for name in ("x", over) if name not in data.coords]:
             raise SceneError(f"{where}: f has no coordinate {missing[0]}; allowed: the places and velocities of its points")
-        f, exact, changed = _last(data["f"], where)
+        f, frame, exact, changed = _last(data["f"].transpose(..., "x", over), where)
+        v = data[over].values
+        if over != "v":
+            s, origin = (float(value) for value in scales_of(frame))
+            v, f = origin + s * v, f / s
+            exact.append(f"its scaled velocities are {s:.4g} w + {origin:.4g}")
         bounds = data["x_bounds"].values if "x_bounds" in data and data["x_bounds"].ndim == 2 else None
-        found = uniform_points(f, data["x"].values, data["v"].values, bounds, scene.pipe.length, rtol, where)
+        found = uniform_points(f, data["x"].values, v, bounds, scene.pipe.length, rtol, where)
     least, most = float(found.f.min()), float(found.f.max())
     if not most > 0:
         raise SceneError(f"{where}: its f is nowhere positive; allowed: some f > 0")
@@ -100,15 +107,15 @@ def read_state(scene: Scene) -> Points:
     return dataclasses.replace(found, exact=(*exact, *found.exact), changed=(*changed, *found.changed))
 
 
-def _last(f: xr.DataArray, where: str) -> tuple[Array, list[str], list[str]]:
-    """(f (x, v) of the last frame that is there, what was read in words, what was left out). A run that was stopped leaves NaN in
-    the frames to come, and those alone are passed over."""
+def _last(f: xr.DataArray, where: str) -> tuple[Array, xr.DataArray, list[str], list[str]]:
+    """(f (x, v) of the last frame that is there, itself, what was read in words, what was left out). A run that was
+    stopped leaves NaN in the frames to come, and those alone are passed over."""
     if f.dtype.kind not in "fiu":
         raise SceneError(f"{where}: its f is of type {f.dtype}; allowed: real numbers")
     times = [dim for dim in f.dims if str(dim).startswith("time")]
     if len(times) > 1:
         raise SceneError(f"{where}: its f has dimensions {', '.join(map(str, f.dims))}; allowed: one time, x and v")
-    frames = f.transpose(*times, "x", "v")
+    frames = f.transpose(*times, ...)
     count = frames.sizes[times[0]] if times else 1
     for n in reversed(range(count)):
         frame = frames.isel({times[0]: n}) if times else frames
@@ -124,5 +131,5 @@ def _last(f: xr.DataArray, where: str) -> tuple[Array, list[str], list[str]]:
                 "with an earlier frame"
             )
         late = [f"starts from {name}: the later ones are empty"] if n < count - 1 else []
-        return values, [] if late or not times else [f"read {name}"], late
+        return values, frame, [] if late or not times else [f"read {name}"], late
     raise SceneError(f"{where}: has no frame of f with numbers in it")

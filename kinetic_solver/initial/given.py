@@ -20,6 +20,7 @@ import numpy as np
 
 from kinetic_solver.arrays import Array
 from kinetic_solver.errors import SceneError
+from kinetic_solver.initial.from_file import read_state
 from kinetic_solver.initial.looking import DROPPED, EDGE, Function, Table, look
 from kinetic_solver.initial.periodic import Complex, amplitudes, coefficients, interpolated
 from kinetic_solver.initial.sampled import from_data_array
@@ -71,9 +72,30 @@ def take(scene: Scene, given: Given) -> tuple[Scene, GivenStart]:
     return recorded(scene, start), start
 
 
+def of_file(scene: Scene) -> tuple[Scene, GivenStart] | None:
+    """The last f of `initial.file` as a start that can be seen from any frame, and the scene with its means instead of the file.
+
+    None where f depends on x, or is not resolved to accuracy.rtol. Raises SceneError as `read_state`.
+    """
+    import xarray as xr
+
+    there = read_state(scene)
+    name = f"the last f of {scene.initial.file}"
+    if there.f.shape[0] > 1:
+        return None
+    array = xr.DataArray(there.f, {"x": [there.first], "v": there.v}, ["x", "v"])
+    try:
+        f, table = from_data_array(array, name, scene.pipe.length, scene.accuracy.rtol)
+    except SceneError:
+        return None
+    start = GivenStart(name, scene.pipe.length, scene.accuracy.rtol, f, table, of_file=True)
+    means = start.means.model_copy(update={"time": scene.initial.time}) if scene.initial.time else start.means
+    return scene.model_copy(update={"initial": means}), start
+
+
 def recorded(scene: Scene, start: Start) -> Scene:
     """The scene that a dataset says that it is of: with the means of a start that was given."""
-    if not isinstance(start, GivenStart):
+    if not isinstance(start, GivenStart) or start.of_file:
         return scene
     means = start.means.model_copy(update={"time": scene.initial.time}) if scene.initial.time else start.means
     return scene.model_copy(update={"initial": means})
@@ -81,7 +103,7 @@ def recorded(scene: Scene, start: Start) -> Scene:
 
 def notes_of(start: Start | None) -> dict[str, str]:
     """What a dataset says of a start that is not in its scene, as attributes: its name, and a sum that no other start has."""
-    if not isinstance(start, GivenStart):
+    if not isinstance(start, GivenStart) or start.of_file:
         return {}
     return {"initial": f"given: {start.name}", "initial_sha256": sha256(np.ascontiguousarray(start.table.f).data).hexdigest()}
 
@@ -123,6 +145,8 @@ class GivenStart:
     table: Table
     """f on points that resolve it, in the laboratory."""
     frame: float = 0.0
+    of_file: bool = False
+    """True where a dataset's scene names the file that it is from."""
     band_limited = False
     gaussian = False
     closed_form = False

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kinetic_solver.arrays import Array
+from kinetic_solver.dataset.scaled import scales_of
+from kinetic_solver.dataset.schema import SCALE, SCALED
 from kinetic_solver.errors import SceneError
 from kinetic_solver.initial.looking import Function, Table
 from kinetic_solver.initial.periodic import coefficients, interpolated, tail
@@ -26,6 +28,9 @@ def from_data_array(given: xr.DataArray, name: str, length: float, rtol: float) 
     Raises SceneError where the array is not (x, v) with uniform coordinates, x over one period of any beginning; where f is not
     finite, is negative at or between its points, has not fallen at the edges of v, or is not resolved in v.
     """
+    if set(given.dims) == {"x", SCALED} and any(str(name).startswith(SCALE) for name in given.coords):
+        s, origin = (float(value) for value in scales_of(given))
+        given = (given / s).assign_coords({SCALED: origin + s * given[SCALED]}).rename({SCALED: "v"})
     if set(given.dims) != {"x", "v"}:
         raise SceneError(f"initial = {name}: has dimensions {', '.join(map(str, given.dims))}; allowed: x and v")
     values = given.transpose("x", "v").values

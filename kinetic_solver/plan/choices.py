@@ -15,6 +15,7 @@ from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.operators.collisions import has_deposit, has_hermite
 from kinetic_solver.operators.velocity.kernel import resolved_spacing
 from kinetic_solver.plan import in_t, in_v, in_x, measured
+from kinetic_solver.plan.cooling import cooling_frame
 from kinetic_solver.plan.criterion import strictest
 from kinetic_solver.plan.moving_frame import ReferenceFrame
 from kinetic_solver.plan.scales import Scales
@@ -73,12 +74,14 @@ def check_given(scales: Scales) -> None:
 
 def reference_frame(scales: Scales, clocked: Callable[[ReferenceFrame], Scales]) -> tuple[ReferenceFrame, Scales]:
     """The frame to solve in, and the scales there: a moving one where gravity would ask for a much wider window, or friction
-    without noise for an ever finer dv. `clocked` gives the scales in a frame."""
+    without noise, or collisions without friction and noise, for an ever finer dv. `clocked` gives the scales in a frame."""
     scene, given = scales.scene, scales.scene.grid
     rest = ReferenceFrame(scene.model)
     if given.nv or given.velocity_window or given.velocity == "hermite" or scene.initial.file or scene.output.moment_equations:
         return rest, scales
     moving = ReferenceFrame(scene.model, moving=True, start=scales.start.mean_velocity)
+    if moving.noiseless and (cooling := cooling_frame(scales, moving)) is not None:
+        return cooling, clocked(cooling)
     if moving.noiseless:
         return (moving, clocked(moving)) if scales.shifted else (rest, scales)
     there = clocked(moving)

@@ -123,7 +123,7 @@ def memory_time(scales: Scales) -> float:
     """How long errors last, at most the run: where friction and noise act on pairs, until these and inelastic collisions have
     forgotten them; else a few relaxation times. By the frame's clock."""
     model, law = scales.scene.model, scales.law
-    rate = model.friction / MEMORY_TIME
+    rate = scales.forgetting / MEMORY_TIME
     if scales.of_pairs and model.friction * model.noise > 0:
         assert law is not None
         rate = model.friction + scales.collision_rate * law.dissipation
@@ -187,7 +187,7 @@ def budget_pieces(scales: Scales, waves: Waves) -> Array:
     """Ends of the intervals on which the budgets of an exact step are integrated, besides its own: while the start's waves mix a
     few per mean free flight across the shortest; and where the frame's clock runs as exp(-γt), two per relaxation time."""
     pieces = np.empty(0)
-    if scales.lab_friction > scales.scene.model.friction:
+    if scales.lab_friction > scales.scene.model.friction == 0:
         clock = 1 - scales.lab_friction * scales.end  # exp(-γt) at the end
         steps = np.arange(1, math.ceil(-2 * math.log(clock)))
         pieces = -np.expm1(-steps / 2) / scales.lab_friction

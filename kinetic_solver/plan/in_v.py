@@ -15,20 +15,25 @@ from numpy.typing import NDArray
 
 from kinetic_solver import initial
 from kinetic_solver.arrays import Array
+from kinetic_solver.laws import Inelastic
 from kinetic_solver.operators.linear import FADED
 from kinetic_solver.operators.velocity.kernel import resolution, resolved_spacing
 from kinetic_solver.plan import in_t, measured
 from kinetic_solver.plan.criterion import Criterion
-from kinetic_solver.plan.scales import Scales
+from kinetic_solver.plan.scales import TAIL, Scales
 from kinetic_solver.plan.waves import DROPPED, Waves
 from kinetic_solver.scene import Deposit, DriftDiffusionScheme, Model, SteppingScheme
 from kinetic_solver.stability.homogeneous import homogeneous_state
+from kinetic_solver.stability.scaling import cooling_state
 from kinetic_solver.theory.ornstein_uhlenbeck import bridge_variance, bridge_variances, half_transport_time, transition
 
 LEAST_POINTS = 8
 """In v: fewer hold no distribution."""
 NARROWEST = 2.0
 """Points to a standard deviation of the narrowest distribution, at least. Chosen: f is drawn from its points."""
+EDGE_OF_COOLING = 100.0
+"""At the window's edges what leaves at both meets, until collisions take it back: so many times more of it. Chosen: 3 to 4 were
+seen."""
 EIGENMODE_REACH, EIGENMODE_POINTS = 12.0, 1024
 """Thermal velocities and points on which the shapes of eigenmodes are looked at."""
 
@@ -53,6 +58,8 @@ def window(scales: Scales) -> Window:
     low, high = scales.means
     thermal = math.sqrt(scales.theta_max)
     reach = scales.tail * thermal
+    if scales.cooling:
+        return _of_a_cooling_gas(scales, reach)
     if scales.amplified_shift:
         # The kernel is a shift then, periodic in v: what leaves above comes back in the slow tail, which (6) amplifies.
         reach = math.sqrt(scales.tail**2 + 2 * scales.amplification * scales.tail) * thermal
@@ -62,6 +69,17 @@ def window(scales: Scales) -> Window:
         slower = 2 * scales.slowing
         reason += ", and the amplified slow tail of (6)"
     return Window(low - reach - slower, high + reach, reason)
+
+
+def _of_a_cooling_gas(scales: Scales, maxwellian: float) -> Window:
+    """It starts from Maxwellians, and ends with exponential tails."""
+    law = scales.law
+    assert isinstance(law, Inelastic)
+    state, (low, high) = cooling_state(law.restitution), scales.means
+    held = state.f > scales.of_edges / (TAIL * EDGE_OF_COOLING) * state.f.max()
+    reach = float(state.w[held][-1]) * math.sqrt(scales.theta_end)
+    low, high = min(low - maxwellian, -reach), max(high + maxwellian, reach)
+    return Window(low, high, "the start's standard deviations, and the exponential tails of a gas that cools")
 
 
 def window_from_now_on(scales: Scales, mean_velocity: Array, temperature: Array, left: float) -> tuple[float, float]:
@@ -209,13 +227,14 @@ def _drift_diffusion(scales: Scales, waves: Waves, schemes: Schemes) -> list[Cri
 
 def _deposit(scales: Scales, deposit: Deposit) -> Criterion:
     """Of operator (12): the error of its rate adds up for as long as friction does not forget it."""
-    model = scales.scene.model
     coefficient, order = measured.DEPOSIT_ERROR[deposit]
     if scales.noise_hardly_acts:
         coefficient *= measured.NOISELESS_DEPOSIT
-    lasting = min(scales.end, 1 / model.friction if model.friction > 0 else math.inf)
+    lasting = min(scales.end, 1 / scales.forgetting if scales.forgetting > 0 else math.inf)
     gain = max(1.0, scales.collision_rate * lasting)
     dv = math.sqrt(scales.theta_min) * (scales.rtol / (coefficient * gain)) ** (1 / order)
+    if scales.cooling:
+        dv /= measured.COOLING_FINER
     return Criterion(dv, f"the {deposit} deposit of collision products")
 
 

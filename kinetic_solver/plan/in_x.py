@@ -76,7 +76,7 @@ def products_of_a_step(scales: Scales, waves: Waves) -> int:
 def error_of_step_products(scales: Scales, waves: Waves, nx: int) -> float:
     """What products of a step's waves with (12) miss of f on nx points, over its maximum; 0 of everything else."""
     friction, law = scales.scene.model.friction, scales.law
-    if not waves.products_of_a_step or scales.amplifies or law is None or friction == 0:
+    if not waves.products_of_a_step or scales.amplifies or law is None or friction <= 0:
         return 0.0
     contrast = law.frequency(float(np.ptp(scales.density)), scales.theta_max) / math.sqrt(scales.theta_max)
     path = math.sqrt(scales.narrowest) * min(1 / friction, 2 * float(scales.times[1]))

@@ -20,6 +20,7 @@ from kinetic_solver.dataset import VARIABLES
 from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.laws import CollisionLaw, check_frequency, check_law
 from kinetic_solver.plan import choices, in_hermite, in_t, in_v, in_x, limits, measured, relaxing
+from kinetic_solver.plan.cooling import may_scale
 from kinetic_solver.plan.cost import cost
 from kinetic_solver.plan.criterion import Criterion, strictest
 from kinetic_solver.plan.moving_frame import ReferenceFrame
@@ -57,6 +58,8 @@ def make_plan(scene: Scene, law: CollisionLaw | None = None, given: initial.Give
     if given is not None:
         scene, start = initial.take(scene, given)
     if scene.initial.file is not None:
+        if (plan := _cooling_from_a_file(scene, law)) is not None:
+            return plan
         scene, reasons = _on_the_files_grid(scene)
 
     def works(changed: Scene) -> bool:
@@ -90,6 +93,8 @@ def _make_plan(scene: Scene, known: Mapping[str, str], law: CollisionLaw | None,
     frame, scales = choices.reference_frame(here, clocked)
     waves, inner = Waves(scales), scales.scene
     chosen: dict[str, str | None] = dict(known)
+    if frame.cooling > 0:
+        chosen["reference_frame"] = f"the frame's velocities shrink with the gas, by 1 + {frame.cooling:.3g} t: it cools"
     velocity, stepping = choices.velocity(scales), choices.stepping(scales)
     low, high = inner.grid.velocity_window or _window(scales, chosen)
     deposit, chosen["deposit"] = choices.deposit(scales)
@@ -144,6 +149,17 @@ def _make_plan(scene: Scene, known: Mapping[str, str], law: CollisionLaw | None,
     )
     limits.of_memory(plan.memory, grid)
     return plan
+
+
+def _cooling_from_a_file(scene: Scene, law: CollisionLaw | None) -> Plan | None:
+    """Of a gas that has cooled, and goes on cooling in scaled velocities; None for other starts, which keep the file's grid."""
+    if not may_scale(scene) or (found := initial.of_file(scene)) is None:
+        return None
+    try:
+        plan = _make_plan(found[0], {}, law, found[1])
+    except (Refused, *ARITHMETIC):
+        return None
+    return replace(plan, scene=scene) if plan.reference_frame.cooling > 0 else None
 
 
 def _check(law: CollisionLaw, scales: Scales) -> None:

@@ -23,6 +23,10 @@ NOISELESS_DEPOSIT = 3.0
 """How many times larger that error is where noise hardly acts, and nothing smooths what collects within dv of the mean velocity.
 benchmarks/hard_cases.py, free cooling."""
 
+COOLING_FINER = 1.4
+"""How many times finer dv is beside that in a frame that follows a cooling gas: for ε = 0, 0.5, 0.9 and rtol from 1e-4 to 1e-7
+what a run estimates of the error asks for no finer one then."""
+
 # -- drift-diffusion
 
 FINITE_VOLUME_ERROR: Mapping[DriftDiffusionScheme, tuple[float, int]] = MappingProxyType(

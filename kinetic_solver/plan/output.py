@@ -31,6 +31,10 @@ def output_grids(
     whole, given = _holding_all(grid, frame, times, scene), scene.output
     nx = given.nx or (grid.nx if scene.grid.nx or grid.nx == 1 else max(LEAST_PLACES, grid.nx))
     whole = replace(whole, nx=nx)
+    if frame.cooling > 0 and given.velocity_window is None:
+        # Over (v - U)/s nothing narrows.
+        scaled = replace(whole, low=grid.low / frame.unit, high=grid.high / frame.unit, scaled=True)
+        return replace(scaled, nv=given.nv or max(LEAST_VELOCITIES, whole.nv)), whole
     low, high = given.velocity_window or (whole.low, whole.high)
     nv = whole.nv if scene.grid.nv else max(LEAST_VELOCITIES, math.ceil((high - low) / whole.dv - 1e-9))
     output = replace(whole, nv=given.nv or nv, low=low, high=high)
@@ -49,6 +53,8 @@ def _holding_all(grid: PhaseSpaceGrid, frame: ReferenceFrame, times: Array, scen
     """Holds all that the solver's first window holds, at every frame, with its resolution."""
     if not frame.moving:
         return grid
+    if frame.cooling > 0:
+        return replace(grid, low=frame.start + grid.low, high=frame.start + grid.high)  # the start's: what follows is narrower
     places = [frame.place(float(clock)) for clock in times]
     low = min(place.velocity + place.scale * grid.low for place in places)
     high = max(place.velocity + place.scale * grid.high for place in places)

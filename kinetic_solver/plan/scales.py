@@ -18,6 +18,7 @@ from kinetic_solver.initial import SceneStart, Start
 from kinetic_solver.laws import CollisionLaw, FollowTheLeader, Inelastic
 from kinetic_solver.scene import Scene
 from kinetic_solver.stability.homogeneous import HomogeneousState, homogeneous_state
+from kinetic_solver.stability.scaling import cooling_state
 from kinetic_solver.theory.ornstein_uhlenbeck import Transition, transition
 
 POINTS = 4096
@@ -134,9 +135,21 @@ class Scales:
         return max(of_f, min(asked, of_f / PAIRS_ARE_DENSE) if self.of_pairs else asked)
 
     @property
+    def cooling(self) -> bool:
+        """True in a frame that follows a cooling gas, whose friction is negative (moving_frame.py)."""
+        return self.scene.model.friction < 0
+
+    @property
+    def forgetting(self) -> float:
+        """The rate at which errors of the past are forgotten; 0 where nothing but collisions forgets them."""
+        return abs(self.scene.model.friction)
+
+    @property
     def means(self) -> tuple[float, float]:
         """The least and the largest mean velocity, at the start and at the end as gravity and friction alone would have it."""
         start = [float(self.mean_velocity.min()), float(self.mean_velocity.max())]
+        if self.cooling:
+            return start[0], start[1]  # collisions stop what the frame spreads
         both = start + [self.whole.velocity_shift + mean * self.whole.decay for mean in start]
         return min(both), max(both)
 
@@ -204,7 +217,13 @@ def scales_of(
     theta_end = float(temperature.max()) * whole.decay**2 + whole.velocity_variance
     coldest = start.narrowest(x)
     theta_min = min(coldest, coldest * whole.decay**2 + whole.velocity_variance)
-    theta_end, theta_min = _cooled(law, scene, whole, density, coldest, theta_end, theta_min)
+    if scene.model.friction < 0:
+        assert isinstance(law, Inelastic)
+        # The frame is such that θ ends where it started, as a state finer than its own Maxwellian.
+        theta_end = start.temperature
+        theta_min = min(coldest, theta_end * cooling_state(law.restitution).narrowest)
+    else:
+        theta_end, theta_min = _cooled(law, scene, whole, density, coldest, theta_end, theta_min)
     return Scales(
         scene,
         law,

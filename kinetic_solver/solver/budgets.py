@@ -67,6 +67,8 @@ class Ledger:
         self.collide = plan.law is not None
         self.splines = self.collide and plan.stepping != "exact" and not plan.integrates
         """Whether integrals over time are those of a spline."""
+        self._watched = self.collide and plan.integrates
+        """Whether steps bring their integrals, without the frame's own motion (watched.py)."""
         self._ends = in_t.budget_pieces(plan.scales, plan.waves)
         self._nodes: list[tuple[float, Array, Array]] = []
         self._booked = 0
@@ -165,6 +167,9 @@ class Ledger:
         g, gamma, noise = self.model.gravity, self.model.friction, self.model.noise * self.model.friction
         if self.collide:
             integral = self._spline_integral(start, end) if self.splines else self._integral
+            if self._watched and self.frame.moving:
+                own = np.array(self.frame.travelled(end)) - self.frame.travelled(start)
+                integral = integral + np.append(mass * own, np.zeros(2))
             momentum_time, energy_time, c1, c2 = (float(value) for value in integral)
             work = g * momentum_time
             friction = (-gamma * momentum_time, -2 * gamma * energy_time)
@@ -190,10 +195,21 @@ class Ledger:
     def _spline_integral(self, start: float, end: float) -> Array:
         times = [node[0] for node in self._nodes]
         values = np.array([(*total[1:], *change) for _, total, change in self._nodes])
+        known = np.zeros(4)
+        if self.frame.noiseless:
+            # By the frame's clock what it moves is smooth, and its own motion, ever longer while the clock shows less, is known.
+            places = [self.frame.place(self.frame.clock(time)) for time in times]
+            mass = float(self._nodes[-1][1][0])
+            u, scale = np.array([(place.velocity, place.scale) for place in places]).T
+            values[:, 0] -= u * mass
+            values[:, 1] -= u * u * mass / 2
+            values /= scale[:, None]
+            known[:2] = mass * (np.array(self.frame.travelled(end)) - self.frame.travelled(start))
+            times, start, end = [self.frame.clock(time) for time in times], self.frame.clock(start), self.frame.clock(end)
         # Here, because it takes as long to load as all of NumPy twice: exact steps book without splines.
         from scipy.interpolate import make_interp_spline
 
-        return np.asarray(make_interp_spline(times, values, k=min(5, len(times) - 1)).integrate(start, end))
+        return known + make_interp_spline(times, values, k=min(5, len(times) - 1)).integrate(start, end)
 
     def record(self, seen: Observation) -> dict[str, float]:
         """Rates at the end of the last step, which is seen, the amounts brought since time 0, and the residuals."""

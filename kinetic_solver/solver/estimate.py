@@ -166,6 +166,9 @@ def rate_error(seen: Observation, time: float) -> float:
     difference = (operator.rate(f) - rate) / (1 - 0.5 ** POINTS.get(plan.deposit or "", math.inf))
     if time == 0:
         return 0.0
+    if plan.scales.cooling:
+        # θ forgets most slowly: as fast as the frame shrinks.
+        return float(np.abs(difference).max() / f.max()) * min(time, 1 / plan.scales.forgetting)
     model, forgotten = plan.inner.model, _forgetting(seen)
     decay = model.friction + forgotten
     acting = min(time, RESPONSE_ENDS / decay) if decay > 0 else time

@@ -30,7 +30,7 @@ from kinetic_solver.solver.monitor import Monitor, Problem, folds, free
 from kinetic_solver.solver.observation import Observation
 from kinetic_solver.solver.report import Report, last_words
 from kinetic_solver.solver.scheme import assemble
-from kinetic_solver.solver.writer import Writer
+from kinetic_solver.solver.writer import Writer, start_shown
 from kinetic_solver.stepping import ExactSteps, Stalled, Step
 
 AfterStep = Callable[["March"], None]
@@ -96,7 +96,7 @@ class March:
             # The start is known on the output's grid. A step in the density is shown as it is, not as the solver can carry it.
             others = dataclasses.replace(plan.whole, nx=plan.grid.nx) != plan.grid
             known = others or plan.reference_frame.moving or plan.scene.initial.step is not None
-            self._write(0, plan.start.distribution(plan.output.x, plan.output.v) if known else None)
+            self._write(0, start_shown(plan) if known else None)
         for frame, (start, end) in enumerate(itertools.pairwise(self.scheme.plan.times.tolist()), 1):
             if frame > self.frame:
                 for then in self._stops(start, end):

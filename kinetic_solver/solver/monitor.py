@@ -84,7 +84,7 @@ def free(plan: Plan, what: Quantity) -> bool:
 def folds(plan: Plan) -> bool:
     """True where noise hardly acts beside collisions: free motion makes ever shorter waves in v, which may pass the shortest that
     dv holds in a few steps."""
-    return plan.law is not None and not plan.law.linearises and plan.scales.noise_hardly_acts
+    return plan.law is not None and not plan.law.linearises and plan.scales.noise_hardly_acts and plan.grid.nx > 1
 
 
 class Monitor:

@@ -29,6 +29,7 @@ from kinetic_solver.operators.linearised.grid import Lifted
 from kinetic_solver.operators.moments import totals
 from kinetic_solver.operators.velocity import (
     DriftDiffusion,
+    Expansion,
     FiniteVolume,
     HighOrderFiniteVolume,
     OrnsteinUhlenbeckKernel,
@@ -147,6 +148,8 @@ class VelocityPoints:
 
     def _drift_diffusion(self) -> DriftDiffusion:
         grid, model = self.plan.grid, self.plan.inner.model
+        if model.friction < 0:
+            return Expansion(grid, -model.friction, self.plan.scales.theta_end)
         if self.plan.drift_diffusion == "finite-volume":
             return FiniteVolume(grid, model)
         if self.plan.drift_diffusion == "finite-volume-8":

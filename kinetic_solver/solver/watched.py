@@ -11,15 +11,17 @@ from kinetic_solver.stepping import Watched
 
 
 def watched_by(plan: Plan, representation: Representation) -> Watched | None:
-    """(state, its rate by collisions, clock) → (p, E, c₁, c₂) of budgets.py, over the laboratory's time by the frame's clock;
+    """(state, its rate by collisions, clock) → (p, E, c₁, c₂) of budgets.py, over the laboratory's time by the frame's clock,
+    without the momentum UM and the energy U²M/2 of the frame's own motion, whose integrals are known (`ReferenceFrame.travelled`);
     None where no budgets are written, and where the method has no rates."""
     if plan.scene.output.budgets is False or not plan.integrates:
         return None
     frame, weights = plan.reference_frame, representation.weights()
 
     def quantities(state: Array, rate: Array, clock: float) -> Array:
-        totals, rates = (np.stack([state.sum(axis=0), rate.sum(axis=0)]) @ weights).tolist()
+        (_, p, energy), rates = (np.stack([state.sum(axis=0), rate.sum(axis=0)]) @ weights).tolist()
         place = frame.place(clock)
-        return np.array([*place.totals(totals)[1:], *place.rates(rates[1:])]) / place.scale
+        by_collisions = [change / place.scale for change in place.rates(rates[1:])]
+        return np.array([p, place.velocity * p + place.scale * energy, *by_collisions])
 
     return quantities

@@ -9,6 +9,7 @@ import numpy as np
 
 from kinetic_solver.arrays import Array
 from kinetic_solver.dataset import Recorder
+from kinetic_solver.dataset.schema import scale_names
 from kinetic_solver.operators.moments import Moments, moment_equations, moments
 from kinetic_solver.plan import Plan
 from kinetic_solver.plan.moving_frame import Place
@@ -17,11 +18,20 @@ from kinetic_solver.solver.observation import Observation
 from kinetic_solver.solver.regrid import ToOutput, resize
 
 
+def start_shown(plan: Plan) -> Array:
+    """The start on the output's grid."""
+    frame, output = plan.reference_frame, plan.output
+    if not output.scaled:
+        return plan.start.distribution(output.x, output.v)
+    return frame.unit * plan.start.distribution(output.x, frame.start + frame.unit * output.v)
+
+
 class Writer:
     """Hands frames to a recorder."""
 
     def __init__(self, plan: Plan, recorder: Recorder, ledger: Ledger | None) -> None:
         self.schedule, self.output, self.whole, self.start = plan.schedule, plan.output, plan.whole, plan.start
+        self.dimensions, self.unit = plan.schedule.dimensions(plan.scene), plan.reference_frame.unit
         self.recorder, self.ledger = recorder, ledger
         self.least = plan.scene.accuracy.rtol
         """Of the largest density: where it is less, mean velocity, temperature and heat flux are missing values."""
@@ -32,12 +42,14 @@ class Writer:
         """The frame of this number. `shown`, f on the output's grid, stands for what is seen in the fields."""
         due = self.schedule.due[frame]
         place = seen.plan.reference_frame.place(seen.clock)
+        # Scaled velocities are the frame's, in other units.
+        shown_from = Place(place.time, place.position, 0.0, 1 / self.unit) if self.output.scaled else place
         if self._convert is None or self._convert.source != seen.grid:
             self._convert = ToOutput(seen.grid, self.output)
         convert = self._convert
         in_lab = shown
         if in_lab is None and due & {"f", "moments"}:
-            in_lab = convert(seen.f, place)
+            in_lab = convert(seen.f, shown_from)
         values: dict[str, dict[str, Any]] = {}
         if "f" in due:
             values["f"] = {"f": in_lab}
@@ -46,8 +58,13 @@ class Writer:
             values["moments"] = self._moments(seen, place, convert, shown)
             # Few places show the values of f there, from which its integral over x does not follow.
             known = shown is not None and self.output.nx >= seen.grid.nx
-            w = shown.sum(axis=0) * self.output.dx if known and shown is not None else convert.over_x(seen.f, place)
+            w = shown.sum(axis=0) * self.output.dx if known and shown is not None else convert.over_x(seen.f, shown_from)
             values["moments"]["velocity_distribution"] = w
+        if self.output.scaled:
+            groups = {self.dimensions[group]: group for group in sorted(due & {"f", "moments"}, reverse=True)}
+            for dimension, group in groups.items():  # the group that the schema gives them to
+                scale, origin = scale_names(dimension)
+                values[group] |= {scale: self.unit * place.scale, origin: place.velocity}
         if "scalars" in due:
             mass, momentum, energy = place.totals(seen.totals)
             values["scalars"] = {"mass": mass, "momentum": momentum, "energy": energy, **diagnostics}

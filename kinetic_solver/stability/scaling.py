@@ -54,6 +54,8 @@ class ScalingState:
     """f(w) there: 0 to round-off at either end."""
     reach: float
     """|w| beyond which f is below 1e-19 of its largest value."""
+    narrowest: float
+    """The variance of a Gaussian as fine as f is anywhere: max f/max|f''|."""
 
 
 @functools.lru_cache(maxsize=64)
@@ -108,5 +110,5 @@ def _state(waves: CollisionsInWaves, driving: Array, width: float, rate: float, 
     guess = np.exp(-(((w - peak) / width) ** 2) / 2) + np.exp(-(((w + peak) / width) ** 2) / 2)
     f, kappa = waves.shape(guess / (guess.sum() * waves.dv), driving, rate)
     kurtosis = float(w**4 @ f) * waves.dv / 3 - 1
-    e = waves.restitution
-    return ScalingState(e, kurtosis, kappa, kappa / _haff(e), waves.mean_distance(f), w, f, reach)
+    e, narrowest = waves.restitution, float(f.max() / np.abs(waves.diffusion @ f).max())
+    return ScalingState(e, kurtosis, kappa, kappa / _haff(e), waves.mean_distance(f), w, f, reach, narrowest)

@@ -11,15 +11,17 @@ import numpy as np
 import xarray as xr
 
 from kinetic_solver.analysis.resampling import resample
-from kinetic_solver.dataset import STOPPED, attributes, open_run
+from kinetic_solver.dataset import STOPPED, attributes, in_velocities, open_run, schema, velocity_axis
+from kinetic_solver.dataset.schema import ORIGIN, SCALE, SCALED
 from kinetic_solver.errors import SceneError
+from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.machine import too_large
 from kinetic_solver.scene import Scene
 from kinetic_solver.sweeps.points import Point
 
 KEPT = ("title", "method", "source", "version", "packages")
 """Attributes of a run that all have in common."""
-OF_A_GRID = ("x", "v", "bounds")
+OF_A_GRID = ("x", "v", SCALED, "bounds")
 """Dimensions that are the same in all points once they are on one grid."""
 
 
@@ -37,6 +39,7 @@ def combined(scene: Scene, values: Mapping[str, Sequence[Any]], points: Sequence
     for _, point in there:
         with _opened(point) as run:
             form.take(run)
+    form.settle()
     first = form.bring(_read(there[0][1]))
     shape = tuple(len(listed) for listed in values.values())
     sizes = {
@@ -66,7 +69,8 @@ def combined(scene: Scene, values: Mapping[str, Sequence[Any]], points: Sequence
     data["error"] = (tuple(values), errors, {"long_name": "why the point failed"})
     axes = {str(name): axis for name, axis in first.coords.items()}
     axes |= {key: (key, _axis(listed), {"long_name": key}) for key, listed in values.items()}
-    result = xr.Dataset(data, axes).assign({name: first[name] for name in ("x_bounds", "v_bounds") if name in first})
+    bounds = [name for name in ("x_bounds", "v_bounds", f"{SCALED}_bounds") if name in first]
+    result = xr.Dataset(data, axes).assign({name: first[name] for name in bounds})
     common = {name: first.attrs[name] for name in KEPT if name in first.attrs}
     swept = json.dumps({key: list(listed) for key, listed in values.items()}, default=str)
     result.attrs = {**attributes(scene, points[0].method), **common, "swept": swept}
@@ -75,6 +79,8 @@ def combined(scene: Scene, values: Mapping[str, Sequence[Any]], points: Sequence
 
 def _opened(point: Point) -> xr.Dataset:
     run = open_run(point.file)
+    # The scales of scaled velocities are fields: every point has its own.
+    run = run.reset_coords([name for name in run.coords if str(name).startswith((SCALE, ORIGIN))])
     return run.drop_dims("v") if run.sizes.get("v") == 1 else run
 
 
@@ -94,15 +100,17 @@ class _Form:
         self.others: dict[str, int] = {}
         """Sizes of dimensions without: the largest."""
         self._nx = 0
-        self._windows: set[tuple[float, float, int]] = set()
+        self._windows: dict[str, set[tuple[float, float, int]]] = {}
+        """By the name of the velocities."""
         self._lengths: set[float] = set()
 
     def take(self, run: xr.Dataset) -> None:
         self._nx = max(self._nx, run.sizes["x"])
         self._lengths.add(_length(run))
-        if "v" in run.dims:
-            edges = run["v_bounds"].values
-            self._windows.add((float(edges[0, 0]), float(edges[-1, 1]), len(edges)))
+        over = velocity_axis(run)
+        if over in run.dims:
+            edges = run[f"{over}_bounds"].values
+            self._windows.setdefault(over, set()).add((float(edges[0, 0]), float(edges[-1, 1]), len(edges)))
         for dim, size in run.sizes.items():
             name = str(dim)
             if name in run.coords and name not in OF_A_GRID:
@@ -110,16 +118,39 @@ class _Form:
             elif name not in OF_A_GRID:
                 self.others[name] = max(self.others.get(name, 0), size)
         for key, variable in run.data_vars.items():
-            if key not in ("x_bounds", "v_bounds", "status"):
+            if key not in ("x_bounds", "v_bounds", f"{SCALED}_bounds", "status"):
                 self.variables.setdefault(str(key), (tuple(map(str, variable.dims)), variable.attrs))
+
+    @property
+    def mixed(self) -> bool:
+        """Whether some runs are over v and some over scaled velocities: then all are brought over v."""
+        return len(self._windows) > 1
+
+    def settle(self) -> None:
+        """All runs have been looked at."""
+        if self.mixed:
+            for name, (dims, attrs) in list(self.variables.items()):
+                if name.startswith((SCALE, ORIGIN)):
+                    del self.variables[name]
+                else:
+                    self.variables[name] = (tuple("v" if dim == SCALED else dim for dim in dims), attrs)
 
     def bring(self, run: xr.Dataset) -> xr.Dataset:
         if run.sizes["x"] != self._nx:
             run = resample(run, nx=self._nx)
-        if len(self._windows) > 1 and "v" in run.dims:
-            low, high = min(window[0] for window in self._windows), max(window[1] for window in self._windows)
-            finest = min((right - left) / count for left, right, count in self._windows)
-            run = resample(run, nv=math.ceil((high - low) / finest - 1e-9), velocity_window=(low, high))
+        over = velocity_axis(run)
+        windows = self._windows.get("v" if self.mixed else over, set())
+        if over in run.dims and (len(windows) > 1 or self.mixed):
+            low, high = min(window[0] for window in windows), max(window[1] for window in windows)
+            finest = min((right - left) / count for left, right, count in windows)
+            nv = math.ceil((high - low) / finest - 1e-9)
+            if self.mixed and over == SCALED:
+                grid = PhaseSpaceGrid(1, nv, 1.0, low, high)
+                scales = [name for name in run.data_vars if str(name).startswith((SCALE, ORIGIN))]
+                edges = (("v", "bounds"), schema.bounds(grid)["v_bounds"][1])
+                run = in_velocities(run.set_coords(scales), grid.v).assign(v_bounds=edges)
+            else:
+                run = resample(run, nv=nv, velocity_window=(low, high))
         if len(self._lengths) > 1:
             run = _over_length(run)
         return run.reindex({name: axis for name, axis in self.axes.items() if name in run.dims})

@@ -1,5 +1,7 @@
 """The Ornstein-Uhlenbeck process of (1): exact statistics of velocity and displacement over a time h, for any γ, σ ≥ 0.
 
+γ < 0 with σ = 0, an expansion of velocities, is what a cooling gas shows in scaled ones (plan/moving_frame.py).
+
 With e = exp(-γh), a velocity v becomes V = m + (v - m) e + noise, m = g/γ, while the displacement X is
 m h + (v - m)(1 - e)/γ + noise. The two noises are jointly Gaussian (Uhlenbeck and Ornstein 1930; Chandrasekhar 1943).
 """
@@ -53,7 +55,7 @@ def transition(model: Model, h: float) -> Transition:
         displacement_shift=g * h * h * phi2(a),
         velocity_variance=-sigma * math.expm1(-2 * a),
         covariance=sigma * gamma * b * b,
-        displacement_variance=sigma * gamma * h**3 * _psi(a),
+        displacement_variance=sigma * gamma * h**3 * _psi(a) if sigma > 0 else 0.0,
     )
 
 
@@ -86,13 +88,13 @@ def bridge_variances(model: Model, h: Array) -> Array:
 def half_transport_time(gamma: float, h: float) -> float:
     """τ = tanh(γh/2)/γ, the transport time on either side of the kernel in the exact linear step (operators/linear.py)."""
     a = gamma * h / 2
-    return h / 2 * (math.tanh(a) / a if a > 1e-8 else 1 - a * a / 3)
+    return h / 2 * (math.tanh(a) / a if abs(a) > 1e-8 else 1 - a * a / 3)
 
 
 def excess_displacement(gamma: float, h: float) -> float:
     """(γh - 2 tanh(γh/2))/γ = h - 2τ, without cancellation at small γh."""
     a = gamma * h
-    if a > 0.2:
+    if abs(a) > 0.2:
         return h - 2 * half_transport_time(gamma, h)
     z, total = a * a, 0.0
     # x - 2 tanh(x/2) = x³/12 - x⁵/120 + 17x⁷/20160 - 31x⁹/362880 + 691x¹¹/79833600 - …
@@ -118,12 +120,12 @@ def transport_times(gamma: float, h: float) -> tuple[float, float]:
 
 def phi1(a: float) -> float:
     """(1 - e^-a)/a."""
-    return -math.expm1(-a) / a if a > 0 else 1.0
+    return -math.expm1(-a) / a if a != 0 else 1.0
 
 
 def phi2(a: float) -> float:
     """(a - 1 + e^-a)/a²."""
-    return (a + math.expm1(-a)) / a**2 if a > 0.5 else _series(a, lambda n: 1.0, 2)
+    return (a + math.expm1(-a)) / a**2 if abs(a) > 0.5 else _series(a, lambda n: 1.0, 2)
 
 
 def _psi(a: float) -> float:

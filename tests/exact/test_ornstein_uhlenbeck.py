@@ -8,7 +8,14 @@ import numpy as np
 import pytest
 
 from kinetic_solver.scene import Model
-from kinetic_solver.theory.ornstein_uhlenbeck import Transition, bridge_variance, bridge_variances, transition
+from kinetic_solver.theory.ornstein_uhlenbeck import (
+    Transition,
+    bridge_variance,
+    bridge_variances,
+    excess_displacement,
+    half_transport_time,
+    transition,
+)
 
 
 def by_quadrature(model: Model, t: float) -> Transition:
@@ -31,6 +38,24 @@ def by_quadrature(model: Model, t: float) -> Transition:
         covariance=strength * float(w @ (moved * response)),
         displacement_variance=strength * float(w @ moved**2),
     )
+
+
+@pytest.mark.parametrize("friction", [-1e-9, -1e-3, -0.7])
+@pytest.mark.parametrize("t", [1e-6, 1e-2, 0.9, 8.0, 40.0])
+def test_velocities_that_spread(friction: float, t: float) -> None:
+    """Negative friction without noise, of a frame that follows a cooling gas."""
+    model = Model(gravity=1.3, noise=0.0).model_copy(update={"friction": friction})
+    nodes, weights = np.polynomial.legendre.leggauss(60)
+    s = t * (nodes + 1) / 2
+    spread = np.exp(-friction * s)
+    found = transition(model, t)
+    assert found.decay == pytest.approx(math.exp(-friction * t), rel=1e-14)
+    assert found.drift_time == pytest.approx(t / 2 * weights @ spread, rel=1e-13)
+    assert found.displacement_shift == pytest.approx(1.3 * t / 2 * weights @ ((t - s) * spread), rel=1e-12)
+    assert (found.velocity_variance, found.covariance, found.displacement_variance) == (0, 0, 0)
+    # tanh is odd: the times of transport do not depend on friction's sign.
+    assert half_transport_time(friction, t) == half_transport_time(-friction, t)
+    assert excess_displacement(friction, t) == excess_displacement(-friction, t)
 
 
 @pytest.mark.parametrize("friction", [0.0, 1e-9, 1e-3, 0.7, 3.0])

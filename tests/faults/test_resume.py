@@ -56,6 +56,13 @@ CASES: dict[str, dict[str, Any]] = {
         "initial": {"temperature": 1.1, "mean_velocity": 0.3},
         "accuracy": COARSE,
     },
+    "(12), in scaled velocities": {
+        "model": {"friction": 0.0, "noise": 0.0},
+        "collisions": INELASTIC,
+        "initial": {"temperature": 1.1, "mean_velocity": 0.3, "modes": []},
+        "run": {"end_time": 60.0, "output_every": 20.0},
+        "accuracy": COARSE,
+    },
     "(6), no friction": {
         "model": {"friction": 0.0},
         "collisions": FOLLOW,

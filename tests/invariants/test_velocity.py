@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from kinetic_solver.grid import PhaseSpaceGrid
-from kinetic_solver.operators.velocity import FiniteVolume, HighOrderFiniteVolume, OrnsteinUhlenbeckKernel
+from kinetic_solver.operators.velocity import Expansion, FiniteVolume, HighOrderFiniteVolume, OrnsteinUhlenbeckKernel
 from kinetic_solver.operators.velocity.kernel import resolved_spacing
 from kinetic_solver.scene import Model
 from kinetic_solver.theory.ornstein_uhlenbeck import excess_displacement, half_transport_time, transition
@@ -161,6 +161,24 @@ def test_the_positive_kernel_is_used_where_dv_resolves_it() -> None:
         assert kernel.positive(h) == (GRID.dv <= resolved_spacing(MODEL, h))
     assert not kernel.positive(1e-3)
     assert kernel.positive(1.0)
+
+
+@pytest.mark.parametrize("h", [0.01, 0.3, 1.1])
+def test_expansion_spreads_f_keeps_mass_and_takes_out_a_mean(h: float) -> None:
+    """f(v) → f(ve^{-κh})e^{-κh}; steps compose; without x the mean is 0 afterwards, with x it grows as velocities do."""
+    grid, rate = PhaseSpaceGrid(1, 190, 1.0, -14.0, 14.0), 0.6
+    expansion = Expansion(grid, rate, 0.5)
+    f = maxwellian(grid.v, 0.0, 0.5)
+    after = expansion.matrix(h) @ f
+    assert np.abs(after - maxwellian(grid.v, 0.0, 0.5 * np.exp(2 * rate * h))).max() < 2e-12
+    assert np.abs(expansion.matrix(h).sum(axis=0) - 1).max() < 100 * EPS
+    halves = expansion.matrix(h / 2)
+    assert np.abs(halves @ (halves @ f) - after).max() < 2e-12
+    off = f + 1e-10 * grid.v * f
+    assert abs(grid.v @ (expansion.matrix(h) @ off)) < 1e-14
+    with_x = Expansion(PhaseSpaceGrid(5, 190, 1.0, -14.0, 14.0), rate, 0.5).matrix(h)
+    moved = maxwellian(grid.v, 0.4, 0.5)
+    assert grid.v @ with_x @ moved == pytest.approx(np.exp(rate * h) * (grid.v @ moved), rel=1e-13)
 
 
 @pytest.mark.parametrize("friction", [0.0, 1e-12, 1e-6, 1e-3, 0.19, 0.21, 0.49, 0.51, 3.0])

@@ -62,7 +62,7 @@ class OrnsteinUhlenbeckKernel:
         if not self.positive(h):
             if self.unresolved is not None:
                 return self.unresolved.matrix(h)
-            return _with_unit_columns(self._band_limited(arrival, step.velocity_variance))
+            return with_unit_columns(self._band_limited(arrival, step.velocity_variance))
         distance = self.grid.v[:, None] - arrival[None, :]
         kernel = np.exp(-(distance**2) / (2 * step.velocity_variance))
         kernel *= self.grid.dv / np.sqrt(2 * np.pi * step.velocity_variance)
@@ -70,7 +70,7 @@ class OrnsteinUhlenbeckKernel:
         spread = np.sqrt(2 * step.velocity_variance)
         leaving = _erfc((arrival - self.grid.low) / spread) / 2 + _erfc((self.grid.high - arrival) / spread) / 2
         kernel[np.diag_indices_from(kernel)] += leaving
-        return _with_unit_columns(kernel)
+        return with_unit_columns(kernel)
 
     def _band_limited(self, arrival: Array, variance: float) -> Array:
         nv, period = self.grid.nv, self.grid.high - self.grid.low
@@ -81,7 +81,7 @@ class OrnsteinUhlenbeckKernel:
         return (np.exp(1j * np.outer(self.grid.v, q)) @ inward).real
 
 
-def _with_unit_columns(kernel: Array) -> Array:
+def with_unit_columns(kernel: Array) -> Array:
     """Columns divided by their sums, and what rounding leaves of 1 given to a small entry, whose last bit weighs little: a state
     that no longer changes repeats the same rounding in every step, and 10⁴ of them add up. No entry changes by more than a few
     ε of itself: 1e-16 put where nothing arrives, as on the diagonal far out, would be amplified by operator (6) without bound.
