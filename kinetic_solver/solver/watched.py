@@ -12,7 +12,7 @@ from kinetic_solver.stepping import Watched
 
 def watched_by(plan: Plan, representation: Representation) -> Watched | None:
     """(state, its rate by collisions, clock) → (p, E, c₁, c₂) of budgets.py, over the laboratory's time by the frame's clock,
-    without the momentum UM and the energy U²M/2 of the frame's own motion, whose integrals are known (`ReferenceFrame.travelled`);
+    without momentum UM and energy U²M/2 of the frame itself, whose integrals are known (`ReferenceFrame.travelled`);
     None where no budgets are written, and where the method has no rates."""
     if plan.scene.output.budgets is False or not plan.integrates:
         return None
