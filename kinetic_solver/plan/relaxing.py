@@ -19,7 +19,7 @@ from kinetic_solver.stability.homogeneous import HomogeneousState, homogeneous_s
 
 MOST_TABLES = 4e8
 """Bytes of the tables of three step lengths, beyond which it is not considered. Chosen."""
-SHARED = 0.5
+SHARED = 0.4
 """Of the tables' cost that is counted: later runs of the process find them. Chosen."""
 TABLE_SECONDS = 2.5e-8
 """Of all tables of a run, over nx/2·nv³: about 60 products of complex matrices. Measured like all seconds here on one core of an
@@ -34,7 +34,7 @@ CACHE = 2e7
 """Bytes of tables that stay in that cache."""
 RATES, LINEAR, PRODUCTS = 12, 20, 18
 """Of an extrapolated step: collision rates, linear steps of Lawson's method, and products with tables of the other."""
-STARTING, RELAXING, LATER, BY_RTOL = 4.0, 6.0, 1.5, 1 / 6
+STARTING, RELAXING, LATER, BY_RTOL = 3.0, 6.0, 1.5, 1 / 6
 """The exponential method takes about (a + b |ln θ0/θ_h| + c γt)(1e-3/rtol)^p steps; measured, S from 2 to 50, t to 20/γ."""
 WIDTH = 2.0
 """Of the homogeneous state in dv, and of the window's edges from its mean in such widths, at the least. Chosen."""

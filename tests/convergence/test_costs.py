@@ -22,7 +22,7 @@ def test_steps_under_error_control_are_foretold(seed: int, monkeypatch: pytest.M
     """Tries included, within a factor of two: R* from 0.5 to 4.7, steps bounded by transport as by collisions."""
     tried = []
     step = Extrapolated.step
-    monkeypatch.setattr(Extrapolated, "step", lambda self, f, h: tried.append(h) or step(self, f, h))
+    monkeypatch.setattr(Extrapolated, "step", lambda self, f, h, *more: tried.append(h) or step(self, f, h, *more))
     scene = random_scene(seed, 1e-3, INELASTIC)
     solve(scene)
     assert 1 / 2 < make_plan(scene).expected_steps / len(tried) < 2

@@ -114,7 +114,7 @@ def test_tighter_tolerances_choose_finer_grids() -> None:
 
 def test_every_choice_gives_its_reason() -> None:
     plan = make_plan(scene(inelastic(1.0, 0.5), 1e-4, 8 * math.pi, None, 1.0))
-    assert set(plan.reasons) == {"velocity_window", "deposit", "time_step", "nv", "nx"}
+    assert set(plan.reasons) == {"velocity_window", "deposit", "time_step", "nv", "nx", "stepping"}
     assert plan.deposit == "quintic"
     assert set(DEPOSIT_ERROR) == {"linear", "cubic", "quintic"}
 

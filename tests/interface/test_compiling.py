@@ -68,7 +68,7 @@ def test_the_command_says_it_where_its_loops_are_not_kept_yet(tmp_path: Path) ->
     def said() -> list[str]:
         command = [sys.executable, "-m", "kinetic_solver", "run", "scene.toml", "-o", "out.nc", "--overwrite"]
         done = subprocess.run(command, cwd=tmp_path, env=settings, capture_output=True, text=True, check=True)
-        return done.stderr.splitlines()
+        return [line for line in done.stderr.splitlines() if line != "starting"]  # as a busy machine makes it say
 
     first, second = said(), said()
     assert [line for line in first if line != compiling.LINE] == second
