@@ -151,12 +151,17 @@ def expected_steps(scales: Scales, waves: Waves, stepping: SteppingScheme, time_
     if stepping == "exact":
         links = h * np.arange(1, count_of(scales.end, h)) if h < scales.end else np.empty(0)
         return int(np.unique(np.round(np.concatenate([links, scales.times[1:]]) / scales.end, 9)).size)
+    growing = 0
     if stepping == "extrapolated" and scales.scene.grid.time_step is None:
-        by_accuracy = (measured.LAWSON_SHARE * scales.rtol / measured.LAWSON_ERROR) ** 0.2 / commutation_rate(scales, waves)
-        fastest = scales.collision_rate * scales.tail
-        h = min(h, by_accuracy, STABLE / fastest if fastest > 0 else math.inf, _by_error_of_collisions(scales))
+        if scales.amplifies:
+            h = min(h, (scales.rtol / measured.LAWSON_ERROR) ** 0.2 / commutation_rate(scales, waves))
+        else:
+            fastest = scales.collision_rate * scales.tail
+            h = min(h, STABLE / fastest if fastest > 0 else math.inf, _by_error_of_collisions(scales))
+            # Error control begins with short steps, and at the most doubles them.
+            growing = max(0, round(measured.STEPS_TO_A_DOUBLING * math.log2(h / first_step(scales, waves))))
     _check_number(scales, scales.end / h)
-    return sum(count_of(float(gap), h) for gap in np.diff(scales.times))
+    return growing + sum(count_of(float(gap), h) for gap in np.diff(scales.times))
 
 
 def _check_number(scales: Scales, steps: float) -> None:

@@ -89,7 +89,7 @@ def make_stepper(plan: Plan, representation: Representation) -> Stepper:
         return Controlled(method, tolerance, longest, watched, plan.first_step, plan.memory_time, _stable(plan))
     step = representation.linearised(LINEARISED_ROUND_OFF * rtol)
     aside = in_t.shortest_exact_step(plan.scales, plan.waves, plan.grid, RESOLVED) if plan.shortest_step > 0 else 0.0
-    early = Early(plan, aside) if aside > 0 and scene.initial.file is None else None
+    early = Early(plan) if plan.shortest_step > 0 and scene.initial.file is None else None
     # Where nx is open, a finer grid is the better way out of a step that loses its accuracy; but not of a jump.
     given = scene.grid.nx is not None or plan.waves.products_of_a_step
     fallback = Controlled(method, tolerance) if given else None
@@ -126,14 +126,12 @@ class Early:
     """f at a time too short for the kernel on the plan's velocity points: one step on denser points, on which the Maxwellian
     start is known as well."""
 
-    def __init__(self, plan: Plan, resolved: float) -> None:
-        """`resolved`: the time from which the plan's own points hold the kernel."""
+    def __init__(self, plan: Plan) -> None:
         self.plan = plan
-        self._resolved = resolved
         self._finer: dict[int, tuple[ExactStep, Any]] = {}
 
     def __call__(self, time: float) -> Array:
-        factor = next((n for n in FINER if time * n**2 >= self._resolved), FINER[-1])
+        factor = next((n for n in FINER if time * n**2 >= self.plan.shortest_step), FINER[-1])
         if factor not in self._finer:
             grid = dataclasses.replace(self.plan.grid, nv=self.plan.grid.nv * factor)
             representation = make_representation(dataclasses.replace(self.plan, grid=grid))

@@ -84,7 +84,8 @@ class ExactSteps:
     Links lie at multiples of `spacing`, counted from time 0, each at least `shortest` after the one before. They depend on no
     interval: a time that is asked for costs one step from the chain, which nothing is built upon, so that however many are asked
     for, the answers are the same (tests/convergence/test_frames.py). A time less than `aside` after a link is reached from the
-    link before it, and before the second link by `early`, if given: since that costs nothing, `aside` may be the stricter.
+    link before it: since that costs nothing, `aside` may be the stricter. Before the second link a time less than `shortest` is
+    reached by `early`, if given.
     `start` is the lifted state at time 0, where it is known better than from the state itself; `blur` is the variance by which a
     state must be blurred to be resolved, too early for any frame. `fallback` takes over a step that loses its accuracy, with a
     warning; without it LostAccuracy is raised.
@@ -172,7 +173,7 @@ class ExactSteps:
         if time - link.time < self.aside * (1 - SAME):
             if chain.begun:
                 link = chain.links[1]
-            elif self.early is not None:
+            elif self.early is not None and not self._far_enough(time, link):
                 return self._or_fall_back(lambda: (None, self.early(time)), link, time)[1]  # type: ignore[misc]
         return self._from(link, time)[1]
 

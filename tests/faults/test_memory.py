@@ -92,7 +92,7 @@ def test_frames_too_early_for_the_kernel_leave_no_tables(make_scene: Callable[..
         accuracy={"rtol": 1e-3},
     )
     plan = make_plan(scene)
-    early = Early(plan, plan.shortest_step)
+    early = Early(plan)
     times = [plan.shortest_step * share for share in (0.02, 0.03, 0.04, 0.05, 0.06)]
     early(times[0])
     gc.collect()
