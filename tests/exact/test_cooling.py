@@ -72,7 +72,7 @@ def test_how_cooling_ends(make_scene: MakeScene, restitution: float) -> None:
     # A motion of the whole would bury the energy that collisions take.
     model = {"gravity": 0.0, "friction": 0.0, "noise": 0.0}
     initial = {"density": RHO, "temperature": THETA, "mean_velocity": 0.0, "modes": []}
-    scene = cooling(make_scene, restitution, time_of(restitution, ratio), model=model, initial=initial)
+    scene = cooling(make_scene, restitution, time_of(restitution, ratio), model=model, initial=initial, accuracy={"rtol": 3e-7})
     run = solve(scene)
     assert float(run["temperature"][-1, 0]) == pytest.approx(ratio * THETA, rel=3e-3)
     assert shape(run)[2] == pytest.approx(a2, abs=1.5 * 10.0**-digits)

@@ -34,7 +34,7 @@ def pair_rates(
     """
     nx, nv = f.shape
     out, padded = np.empty((nx, nv)), np.zeros((nx, nv + 2 * (high_weights.shape[2] - 1)))
-    source, kernel = np.ascontiguousarray(f), _kernel(high_weights.shape[2])
+    source, kernel = np.ascontiguousarray(f), _kernel()
 
     def of(rows: slice) -> None:
         # What is not finite stops a run with a line of its own.
@@ -71,28 +71,21 @@ def _pair_rates(p, slower, faster, scale):  # type: ignore[no-untyped-def]
         p[j] = scale * slower[j] * faster[j]
 
 
-# c_k += Σ_q w_q p_{k - q}, p padded with zeros, of stencils of 2, 4 and 6 points.
-
-
 @numba.njit(inline="always")
-def _gain_2(c, p, w):  # type: ignore[no-untyped-def]
-    w0, w1 = w[0], w[1]
-    for k in range(c.size):
-        c[k] += w0 * p[k + 1] + w1 * p[k]
-
-
-@numba.njit(inline="always")
-def _gain_4(c, p, w):  # type: ignore[no-untyped-def]
-    w0, w1, w2, w3 = w[0], w[1], w[2], w[3]
-    for k in range(c.size):
-        c[k] += (w0 * p[k + 3] + w1 * p[k + 2]) + (w2 * p[k + 1] + w3 * p[k])
-
-
-@numba.njit(inline="always")
-def _gain_6(c, p, w):  # type: ignore[no-untyped-def]
-    w0, w1, w2, w3, w4, w5 = w[0], w[1], w[2], w[3], w[4], w[5]
-    for k in range(c.size):
-        c[k] += (w0 * p[k + 5] + w1 * p[k + 4]) + (w2 * p[k + 3] + w3 * p[k + 2]) + (w4 * p[k + 1] + w5 * p[k])
+def _gain(c, p, w):  # type: ignore[no-untyped-def]
+    """c_k += Σ_q w_q p_{k - q}, p padded with zeros, of stencils of 2, 4 and 6 points."""
+    if w.size == 2:
+        w0, w1 = w[0], w[1]
+        for k in range(c.size):
+            c[k] += w0 * p[k + 1] + w1 * p[k]
+    elif w.size == 4:
+        w0, w1, w2, w3 = w[0], w[1], w[2], w[3]
+        for k in range(c.size):
+            c[k] += (w0 * p[k + 3] + w1 * p[k + 2]) + (w2 * p[k + 1] + w3 * p[k])
+    else:
+        w0, w1, w2, w3, w4, w5 = w[0], w[1], w[2], w[3], w[4], w[5]
+        for k in range(c.size):
+            c[k] += (w0 * p[k + 5] + w1 * p[k + 4]) + (w2 * p[k + 3] + w3 * p[k + 2]) + (w4 * p[k + 1] + w5 * p[k])
 
 
 _TABLES = "int64[:,::1], float64[:,:,::1], int64[:,::1], float64[:,:,::1]"
@@ -101,13 +94,17 @@ _SHAPES = "(n),(),(s,n),(s,n,l),(s,n),(s,n,p),(z)->(n)"
 
 
 @functools.cache
-def _kernel(points: int) -> Any:
-    """Of rows of f, for stencils of so many points: compiled when it is first asked for, 0.6 s, and 0.9 s for all three."""
+def _kernel() -> Any:
+    """Of rows of f, for stencils of 2, 4 and 6 points: compiled when it is first asked for, 0.9 s.
+
+    One kernel for all three. Three closures of one function would compile faster, 0.6 s for the one that is asked for, but numba
+    gives the functions of two processes the same name in the cache, and a third process that loads both calls one for the other.
+    """
     with getting_ready():
-        return _made(points)
+        return _made()
 
 
-def _made(points: int) -> Any:
+def _made() -> Any:
     @numba.guvectorize([_SIGNATURE], _SHAPES, nopython=True, cache=True, writable_args=("padded",))
     def row(f, scale, linear, linear_weights, high, high_weights, padded, c):  # type: ignore[no-untyped-def]
         """c, the rate of one row f; the first points of `padded` are zeros."""
@@ -135,13 +132,6 @@ def _made(points: int) -> Any:
                 reached = end - begin + pad
                 for particle in range(2):
                     first = high[particle, m] + begin
-                    into, pairs_of = c[first : first + reached], padded[begin : begin + reached + pad]
-                    # `points` is a constant of the kernel: of the three only one is compiled.
-                    if points == 2:
-                        _gain_2(into, pairs_of, high_weights[particle, m])
-                    elif points == 4:
-                        _gain_4(into, pairs_of, high_weights[particle, m])
-                    else:
-                        _gain_6(into, pairs_of, high_weights[particle, m])
+                    _gain(c[first : first + reached], padded[begin : begin + reached + pad], high_weights[particle, m])
 
     return row
