@@ -153,9 +153,11 @@ def expected_steps(scales: Scales, waves: Waves, stepping: SteppingScheme, time_
         return int(np.unique(np.round(np.concatenate([links, scales.times[1:]]) / scales.end, 9)).size)
     growing = 0
     if stepping == "extrapolated" and scales.scene.grid.time_step is None:
+        by_waves = (scales.rtol / measured.LAWSON_ERROR) ** 0.2 / commutation_rate(scales, waves)
         if scales.amplifies:
-            h = min(h, (scales.rtol / measured.LAWSON_ERROR) ** 0.2 / commutation_rate(scales, waves))
+            h = min(h, by_waves)
         else:
+            _check_number(scales, scales.end / by_waves)  # as many where waves do not mix; of more, error control loses its way
             fastest = scales.collision_rate * scales.tail
             h = min(h, STABLE / fastest if fastest > 0 else math.inf, _by_error_of_collisions(scales))
             # Error control begins with short steps, and at the most doubles them.
