@@ -33,6 +33,9 @@ STABLE = 5.0
 which make one, is stable to 2.8. With up to 10 the error of a wave of 95 %, Sρ = 10, ε = 0.9, came to 2.7 rtol (1e-3) unseen."""
 MOST_GROWTH = 300.0
 """Exponent of the largest growth that is told from more."""
+MOST_MIXING = 2e4
+"""Λ/γ up to which steps under error control were seen to follow waves that mix in v: 2.5e4 did, 3.4e4 did not (a pipe of
+0.0004 and of 0.0003; tests/contracts/test_refusals.py)."""
 MOST_STEPS = 1_000_000
 """Of a run, between frames: more would take hours on the smallest grid."""
 FEWER_STEPS = (
@@ -157,13 +160,25 @@ def expected_steps(scales: Scales, waves: Waves, stepping: SteppingScheme, time_
         if scales.amplifies:
             h = min(h, by_waves)
         else:
-            _check_number(scales, scales.end / by_waves)  # as many where waves do not mix; of more, error control loses its way
+            _check_mixing(scales, waves)
             fastest = scales.collision_rate * scales.tail
             h = min(h, STABLE / fastest if fastest > 0 else math.inf, _by_error_of_collisions(scales))
             # Error control begins with short steps, and at the most doubles them.
             growing = max(0, round(measured.STEPS_TO_A_DOUBLING * math.log2(h / first_step(scales, waves))))
     _check_number(scales, scales.end / h)
     return growing + sum(count_of(float(gap), h) for gap in np.diff(scales.times))
+
+
+def _check_mixing(scales: Scales, waves: Waves) -> None:
+    """Waves that cross the pipe so often mix in v to what the points do not hold, before friction and noise act."""
+    friction, scene = scales.scene.model.friction, scales.scene
+    crossings = commutation_rate(scales, waves) / friction if friction > 0 else 0.0
+    if crossings > MOST_MIXING and scene.grid.time_step is None:
+        raise Refused(
+            f"pipe.length = {scene.pipe.length:g}: particles cross its waves {crossings:.2g} times within a relaxation time, "
+            f"more than the {MOST_MIXING:g} that error control follows",
+            (Remedy("pipe.length", "more"), Remedy("model.friction", "more"), Remedy("initial.temperature", "less")),
+        )
 
 
 def _check_number(scales: Scales, steps: float) -> None:
