@@ -34,7 +34,7 @@ which make one, is stable to 2.8. With up to 10 the error of a wave of 95 %, Sρ
 MOST_GROWTH = 300.0
 """Exponent of the largest growth that is told from more."""
 MOST_MIXING = 2e4
-"""Λ/γ up to which steps under error control were seen to follow waves that mix in v: 2.5e4 did, 3.4e4 did not (a pipe of
+"""Λ min(1/γ, t) up to which steps under error control were seen to follow waves that mix in v: 2.5e4 did, 3.4e4 did not (a pipe of
 0.0004 and of 0.0003; tests/contracts/test_refusals.py)."""
 MOST_STEPS = 1_000_000
 """Of a run, between frames: more would take hours on the smallest grid."""
@@ -172,12 +172,17 @@ def expected_steps(scales: Scales, waves: Waves, stepping: SteppingScheme, time_
 def _check_mixing(scales: Scales, waves: Waves) -> None:
     """Waves that cross the pipe so often mix in v to what the points do not hold, before friction and noise act."""
     friction, scene = scales.scene.model.friction, scales.scene
-    crossings = commutation_rate(scales, waves) / friction if friction > 0 else 0.0
+    crossings = commutation_rate(scales, waves) * min(scales.end, 1 / friction if friction > 0 else math.inf)
     if crossings > MOST_MIXING and scene.grid.time_step is None:
         raise Refused(
-            f"pipe.length = {scene.pipe.length:g}: particles cross its waves {crossings:.2g} times within a relaxation time, "
+            f"pipe.length = {scene.pipe.length:g}: particles cross its waves {crossings:.2g} times before friction acts, "
             f"more than the {MOST_MIXING:g} that error control follows",
-            (Remedy("pipe.length", "more"), Remedy("model.friction", "more"), Remedy("initial.temperature", "less")),
+            (
+                Remedy("pipe.length", "more"),
+                Remedy("run.end_time", "less"),
+                Remedy("model.friction", "more"),
+                Remedy("initial.temperature", "less"),
+            ),
         )
 
 
