@@ -34,8 +34,8 @@ which make one, is stable to 2.8. With up to 10 the error of a wave of 95 %, Sρ
 MOST_GROWTH = 300.0
 """Exponent of the largest growth that is told from more."""
 MOST_MIXING = 2e4
-"""Λ min(1/γ, t) up to which steps under error control were seen to follow waves that mix in v: 2.5e4 did, 3.4e4 did not (a pipe of
-0.0004 and of 0.0003; tests/contracts/test_refusals.py)."""
+"""Λ min(1/γ, t) up to which steps under error control were seen to follow waves that mix in v: 2.5e4 did, 3.4e4 did not (pipes of
+0.0004 and 0.0003; tests/contracts/test_refusals.py)."""
 MOST_STEPS = 1_000_000
 """Of a run, between frames: more would take hours on the smallest grid."""
 FEWER_STEPS = (
