@@ -58,6 +58,8 @@ def _equation(scene: Scene) -> list[Row]:
 
 def _groups(scene: Scene) -> list[Row]:
     g = scene.groups
+    if scene.model.friction * scene.model.noise == 0:
+        return [("none", "without both friction and noise there is no thermal velocity, or no relaxation time, to compare with")]
     return [
         ("R* = S ρ √σ/γ", f"{g.collision_number:.6g}   collisions per relaxation time of a thermal particle"),
         ("k* = (2π/L) √σ/γ", f"{g.wavenumber:.6g}   thermal free path against the longest wave"),
@@ -88,6 +90,8 @@ def _homogeneous(scene: Scene) -> list[Row]:
 
 
 def _closure(scene: Scene) -> list[Row]:
+    if scene.operator is not None and scene.model.friction * scene.model.noise == 0:
+        return [("critical density", "not defined: there is no homogeneous state to be stable or not")]
     if not math.isfinite(critical_density(scene)):
         return [("critical density", "none: the closure of this scene is stable at every density")]
     rho = scene.initial.density
