@@ -193,7 +193,7 @@ def measure(case: Case, truth: Truth, patience: float = 0.5) -> Point:
     if case.whole:
         run = solve(case.scene)["f"].isel(time=-1)
         seconds = least(lambda: solve(case.scene), patience)
-        exact_f = truth(case.scene, grid.x, grid.v)
+        exact_f = truth(case.scene, run["x"].values, run["v"].values)
         size = f"rtol {case.scene.accuracy.rtol:.0e}: {grid.nx} × {grid.nv}"
         return Point(case, size, seconds, 0.0, float(np.abs(run.to_numpy() - exact_f).max() / exact_f.max()))
     with one_blas_thread():
