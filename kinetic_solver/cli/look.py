@@ -19,9 +19,7 @@ def beside(run: Path, ending: str) -> Path:
 def plot(
     run: RunPath,
     output: Annotated[Path | None, typer.Option("-o", "--output", metavar="OUT.png", help="Default: OUT.png.")] = None,
-    times: Annotated[
-        str | None, typer.Option(help="Times of the f(x, v) panels, up to 12, as 0,1.5,3: nearest frames.")
-    ] = None,
+    times: Annotated[str | None, typer.Option(help="Times of the f(x, v) panels, up to 12, as 0,1.5,3: nearest frames.")] = None,
     overwrite: Overwrite = False,
 ) -> None:
     """Draw density, mean velocity and temperature over (x, t), the velocity distribution, and f(x, v)."""
