@@ -18,7 +18,7 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from kinetic_solver.analysis.drawing import BLUE, GREY, ORANGE
 from kinetic_solver.analysis.frames import fine_v, fine_x, is_counted, some
 from kinetic_solver.analysis.movie_frames import MovieFrames
-from kinetic_solver.analysis.plotting import title
+from kinetic_solver.analysis.titles import in_words
 from kinetic_solver.arrays import Array
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ class MovingPicture:
         self._updates: list[Callable[[int], None]] = []
         self._artists: list[Any] = []
         (self._over_x if self._of.with_x else self._homogeneous)()
-        self.figure.text(0.012, 0.985, title(self._of.scene), fontsize=9, color=GREY, va="top")
+        self.figure.text(0.012, 0.985, in_words(self._of.scene), fontsize=9, color=GREY, va="top")
         self._clock()
         self._background: Any = None
 

@@ -261,7 +261,7 @@ def draw_snapshots(dataset: xr.Dataset) -> Figure:
     axes[0, 0].legend(fontsize=8)
     axes[1, 0].legend(fontsize=7, loc="upper left")
     axes[1, 0].set_ylim(top=1.5 * float(dataset["histogram"].max()))
-    kind = "operator (12), ε = 0.5" if scene.operator == INELASTIC else "operator (6)"
+    kind = "inelastic collisions, ε = 0.5" if scene.operator == INELASTIC else "follow-the-leader collisions"
     number, expected = scene.groups.collision_number, expected_contrast(scene)
     predicted = f"linear theory of noise: density contrast {expected:.2g}"
     if expected > LARGEST_CONTRAST:

@@ -91,8 +91,8 @@ def _structure_factors() -> Figure:
         _labelled(
             inelastic, k, factor, limit, colour, f"ε = {restitution:g}, R* = {number:g}", below=number == 1 and restitution > 0
         )
-    leader.set(title="operator (6); marks: k → 0, exp(R*²)(1 + erf R*)", yscale="log", ylim=(0.4, 1e8))
-    inelastic.set(title="operator (12); marks: k → 0, σ/(d(ρθ)/dρ)", yscale="log", ylim=(0.8, 20))
+    leader.set(title="follow-the-leader collisions (6); bars: k → 0, exp(R*²)(1 + erf R*)", yscale="log", ylim=(0.4, 1e8))
+    inelastic.set(title="inelastic collisions (12); bars: k → 0, σ/(d(ρθ)/dρ)", yscale="log", ylim=(0.8, 20))
     for axes in (leader, inelastic):
         axes.set(xscale="log", xlabel="k* = k √σ/γ", ylabel="structure factor S(k)", xlim=(k[0] / 1.6, k[-1]))
         axes.axhline(1, color=GREY, lw=1, ls="--")

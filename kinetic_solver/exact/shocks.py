@@ -76,7 +76,7 @@ def shocks(scene: Scene, densities: ArrayLike, positions: ArrayLike, times: Arra
         },
         {
             "method": "exact",
-            "title": "Shocks of the kinetic equation (2) with operator (6), on the line",
+            "title": "Shocks of the kinetic equation (2) with follow-the-leader collisions, on the line",
             "scene": scene.model_dump_json(by_alias=True, exclude_none=True),
             "densities": rho,
             "positions": fronts,

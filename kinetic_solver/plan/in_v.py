@@ -67,7 +67,7 @@ def window(scales: Scales) -> Window:
     slower = 0.0
     if scales.amplifies:
         slower = 2 * scales.slowing
-        reason += ", and the amplified slow tail of (6)"
+        reason += ", and the slow tail that follow-the-leader collisions amplify"
     return Window(low - reach - slower, high + reach, reason)
 
 

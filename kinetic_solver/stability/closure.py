@@ -91,6 +91,18 @@ def critical_density(scene: Scene, mode: int = 1, moments: int = 3) -> float:
     return unit * critical_collision_number(k * math.sqrt(sigma) / gamma, moments)
 
 
+def marginal_wavenumber(collision_number: float) -> float:
+    """k* above which waves of the paper's closure (M = 3) grow at an R*; inf at R* ≤ 7√3/9, where none do.
+
+    `critical_collision_number` solved for k*. With R* = √u - 2/(3√u), u = ω²/k², and u(u - 3) = 4/(3k²).
+    Test: tests/linear_theory/test_closure.py.
+    """
+    if not collision_number > SHORTEST:
+        return math.inf
+    u = ((collision_number + math.sqrt(collision_number**2 + 8 / 3)) / 2) ** 2
+    return 2 / math.sqrt(3 * u * (u - 3))
+
+
 def critical_collision_number(wavenumber: float, moments: int = 3) -> float:
     """R*_c of the closure of (2) with (6) that keeps M = `moments` Hermite moments, at k* = `wavenumber` (may be inf).
 
@@ -190,7 +202,7 @@ def figure_1(length: float = 8 * math.pi, modes: Sequence[int] = range(1, 41)) -
         },
         {"mode": ("mode", n, {"long_name": "mode number n, k = 2πn/L", "units": "1"})},
         {
-            "title": "Critical density of the three-moment closure of (2) with operator (6)",
+            "title": "Critical density of the three-moment closure, follow-the-leader collisions",
             "least_critical_density": PAPERS_DENSITY,
             "cross_section": f"S = {SHORTEST:.6g} γ/({PAPERS_DENSITY:g} √σ), from the paper's ρ_c^min",
             "length": f"L* = {length:.6g}",

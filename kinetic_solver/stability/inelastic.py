@@ -97,7 +97,7 @@ class InelasticFlow:
     @with_one_blas_thread
     def eigenfunction(self, wavenumber: float, branch: int, w: Array) -> Complex:
         if not self.resolves(wavenumber):
-            raise SceneError(f"k* = {wavenumber:.4g}: too short a wave for the spectrum of operator (12); allowed: a longer one")
+            raise SceneError(f"k* = {wavenumber:.4g}: too short for the inelastic spectrum; allowed: a longer wave")
         fine = self._at(wavenumber)
         values, vectors = np.linalg.eig(fine.generator(wavenumber))
         mode = vectors[:, _leading(values)[branch]]

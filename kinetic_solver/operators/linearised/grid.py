@@ -203,7 +203,7 @@ class GridLinearisedStep:
         defect = float(np.abs(missed).max()) / top
         empty = n < (EMPTY * n.max() if rounded else 0.0)
         if not (np.isfinite(defect) and e.min() > 0 and n.min() > -EMPTY * n.max() and (rounded or n.min() > 0)):
-            raise LostAccuracy("the exactly linearised step of operator (6) lost its accuracy")
+            raise LostAccuracy("the exactly linearised step of follow-the-leader collisions lost its accuracy")
         self.density_defect = max(self.density_defect, defect)
         if not empty.any():
             return f * (density / n)[:, None]
