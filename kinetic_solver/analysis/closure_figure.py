@@ -164,7 +164,7 @@ def _grouped(count: int) -> str:
 
 
 def closure_figure(dataset: xr.Dataset) -> Figure:
-    """Panels of the density over (t, x), one colour scale, and in the last the contrast of each over time."""
+    """Panels of the density over (x, t), as `plot` has them, one colour scale, and in the last the contrast of each over time."""
     scene, times = scene_of(dataset), dataset["time"].values
     figure = Figure(figsize=(9.3, 5.5), layout=ConstrainedLayoutEngine(w_pad=0.06, h_pad=0.06, hspace=0.03, wspace=0.02))
     axes = figure.subplots(2, 3)
@@ -174,28 +174,29 @@ def closure_figure(dataset: xr.Dataset) -> Figure:
         whole = np.isfinite(density[:, 0])
         half, frame = scene.pipe.length / x.size / 2, (times[1] - times[0]) / 2
         mesh = place.imshow(
-            np.append(density[whole], density[whole, :1], axis=1).T,  # the period's end is its beginning
+            np.append(density[whole], density[whole, :1], axis=1),  # the period's end is its beginning
             cmap="magma",
             vmin=LIGHT,
             vmax=DARK,
             aspect="auto",
-            origin="upper",
-            extent=(times[0] - frame, times[whole][-1] + frame, scene.pipe.length + half, -half),
+            origin="lower",
+            extent=(-half, scene.pipe.length + half, times[0] - frame, times[whole][-1] + frame),
             interpolation="bilinear",
         )
-        place.set(xlim=(times[0], times[-1]), ylim=(scene.pipe.length, 0), xticks=_whole(times))
+        place.set(xlim=(0, scene.pipe.length), ylim=(times[0], times[-1]), yticks=_whole(times))
         place.set_title(name, fontsize=11, loc="left")
         for side in ("top", "right"):
             place.spines[side].set_visible(False)
         if not whole.all():
             middle = (times[whole][-1] + times[-1]) / 2
             text = f"runs away\nafter γt = {scene.model.friction * dataset.attrs['closure_stops']:.3g}"
-            place.text(middle, scene.pipe.length / 2, text, ha="center", va="center", fontsize=11, color=GREY)
+            place.text(scene.pipe.length / 2, middle, text, ha="center", va="center", fontsize=11, color=GREY)
     _contrasts(axes[1, 2], dataset, panels)
     for place in axes[:, 0]:
-        place.set_ylabel("x, down the pipe")
-    for place in axes[1]:
-        place.set_xlabel("time γt")
+        place.set_ylabel("time γt")
+    for place in (*axes[1, :2], axes[0, 2]):
+        place.set_xlabel("x, down the pipe")
+    axes[1, 2].set_xlabel("time γt")
     for place in (*axes[:, 1], axes[0, 2]):
         place.set_yticklabels([])
     assert mesh is not None

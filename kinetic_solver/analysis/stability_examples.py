@@ -112,7 +112,7 @@ def _labelled(
     axes.plot(k, values, color=colour, lw=2)
     axes.plot([k[0] / 1.6, k[0] / 1.12], [limit, limit], color=colour, lw=4, solid_capstyle="butt")
     place, side = (0.96, "top") if below else (1.04, "bottom")
-    axes.text(k[0] * 1.1, values[0] * place, label, color=colour, va=side, fontsize=9)
+    axes.text(k[0] * 1.1, values[0] * place, label, color="k", va=side, fontsize=9)
 
 
 def _growth() -> Figure:
@@ -137,7 +137,7 @@ def _growth() -> Figure:
     gain.plot(t, np.exp(-t), color=GREY, lw=1, ls="--", label="exp(-k*²γt): a mode alone")
     gain.axhline(1, color=GREY, lw=0.8)
     gain.set(yscale="log", xlim=(0, 10), ylim=(1e-4, 1e4), xlabel="time γt", ylabel=r"$\sqrt{G_\rho}$, largest relative density")
-    gain.set_title("largest growth at k* = 1: every mode decays, their sum first grows", fontsize=11)
+    gain.set_title("largest growth at k* = 1: each mode decays, yet their sum grows at first", fontsize=11)
     gain.legend(frameon=False, fontsize=9, ncols=4, loc="upper center", bbox_to_anchor=(0.5, -0.11))
     plain_logs(gain.yaxis, 8)
     gain.grid(alpha=0.3)
