@@ -216,9 +216,9 @@ def _whole(times: Array) -> Array:
 
 def _contrasts(place: Any, dataset: xr.Dataset, panels: list[tuple[str, Array, Array]]) -> None:
     times = dataset["time"].values
-    styles = [(ORANGE, "-", 2.2), (GREEN, "-", 4.5), ("black", "--", 1.6), ("#56B4E9", "-", 1.4), (BLUE, "-", 1.4)]
+    styles = [(ORANGE, "-", 2.2), (GREEN, "-", 4.5), ("black", "--", 1.6), ("#56B4E9", "-.", 1.4), (BLUE, ":", 1.8)]
     names = ["closure", f"{dataset.attrs['hierarchy_moments']} moments", "equation (2)"]
-    names += [name.replace("particles", "") for name, *_ in panels[3:]]
+    names += [name for name, *_ in panels[3:]]
     for (_, density, _), (colour, line, width), name in zip(panels, styles, names, strict=True):
         place.plot(times, contrast(density), color=colour, ls=line, lw=width, label=name)
     place.set(yscale="log", xlim=(times[0], times[-1]), ylim=(0.006, 0.5), xticks=_whole(times))
