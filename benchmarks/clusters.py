@@ -3,8 +3,8 @@
     python -m benchmarks.clusters [direct] [files] [inelastic] [equation]
 
 All sections by default. Processor time, shared by as many processes as there are cores: direct 23 minutes, files 11, inelastic 4,
-equation 0.1. Prints the tables of docs/clusters.md and asserts what they say; `direct` draws docs/clusters.png. Replica r is the
-run of seed r.
+equation 0.1. Prints the tables of docs/clusters_measured.md and asserts what they say; `direct` draws docs/clusters.png. Replica
+r is the run of seed r.
 """
 
 from __future__ import annotations

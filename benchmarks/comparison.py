@@ -3,7 +3,8 @@
     python -m benchmarks.comparison ["(6)" | "(12)"]
 
 Particles, 20 replicas of 50000, against the closed form of (6) until t = 7/γ, and the grid solver's answer for (12) until 28/γ,
-where 1 % of S_C changes the variance by a quarter of a percent. Prints the table of docs/compare.md and asserts what it says.
+where 1 % of S_C changes the variance by a quarter of a percent. Prints the table of docs/compare_measured.md and asserts what it
+says.
 """
 
 from __future__ import annotations

@@ -2,8 +2,8 @@
 
     python -m benchmarks.descriptions [limits] [cost]
 
-Limits 2 s, cost a minute, on one core. Prints the tables of docs/hydrodynamics.md, asserts what is said of them, and draws
-docs/descriptions.png. Units γ = σ = ρ̄ = 1, g = R*, pipe of L* = 8π."""
+Limits 2 s, cost a minute, on one core. Prints the tables of docs/hydrodynamics_details.md, asserts what is said of them, and
+draws docs/descriptions.png. Units γ = σ = ρ̄ = 1, g = R*, pipe of L* = 8π."""
 
 from __future__ import annotations
 

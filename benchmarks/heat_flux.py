@@ -2,9 +2,9 @@
 
     python -m benchmarks.heat_flux
 
-Three seconds. Prints the tables of docs/hydrodynamics.md, asserts what is said of them, and draws docs/heat_flux.png. With the
-heat flux q = ∫(v - u)³ f dv kept, (5) has two more terms than the paper's: -(1/ρ)∂q/∂x, and -Sq, since (9) holds for q = 0 only.
-Units γ = σ = ρ̄ = 1, and g = R*, so that the homogeneous state is at rest."""
+Three seconds. Prints the tables of docs/hydrodynamics_measured.md, asserts what is said of them, and draws docs/heat_flux.png.
+With the heat flux q = ∫(v - u)³ f dv kept, (5) has two more terms than the paper's: -(1/ρ)∂q/∂x, and -Sq, since (9) holds for q
+= 0 only. Units γ = σ = ρ̄ = 1, and g = R*, so that the homogeneous state is at rest."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ TIMES = (0.5, 2.0, 5.0)
 
 
 def expected(wavenumber: float, number: float) -> float:
-    """Neglected over kept in the slowest eigenmode: k*√(k*² + R*²)/2 (docs/hydrodynamics.md)."""
+    """Neglected over kept in the slowest eigenmode: k*√(k*² + R*²)/2 (docs/hydrodynamics_measured.md)."""
     return wavenumber * math.hypot(wavenumber, number) / 2
 
 

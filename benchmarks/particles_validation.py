@@ -2,7 +2,7 @@
 
     python -m benchmarks.particles_validation [homogeneous against_the_grid step_errors cell_errors few_particles fluctuations]
 
-Prints the tables of docs/particles.md and asserts what they say.
+Prints the tables of docs/particles_measured.md and asserts what they say.
 """
 
 from __future__ import annotations

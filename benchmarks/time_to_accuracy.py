@@ -5,7 +5,7 @@
 Large waves (40 % and 20 %) at R* = 1 until t = 2/γ, (6) and (12) with ε = 0.5. The error is the largest of the density's over
 its mean, on 17 points; of particles the root mean square of it over seeds. Times are those of whole runs after compilation, the
 best of three for the grid. Truth is the closed form for (6), the grid solver at rtol = 1e-9 for (12). Prints the table of
-docs/compare.md, asserts the particles' order 1/2 in time and that the grid keeps its rtol, and draws the picture.
+docs/compare_measured.md, asserts the particles' order 1/2 in time and that the grid keeps its rtol, and draws the picture.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ every density. One dataset over (density, mode), one figure.
     python docs/critical_density_map.py            # critical_density_map.nc and critical_density_map.png, four seconds
     python docs/critical_density_map.py docs/critical_density_map.png
 
-What it shows: docs/stability.md, "The critical-density map".
+What it shows: docs/stability_details.md, "The critical-density map".
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """One scene above the closure's critical density by every description of the paper's system: density over (x, t), side by side.
 
 The closure (3)-(5), more moments, the kinetic equation (2), and particles, few and many, from the same waves. What it shows, and
-why: docs/clusters.md and docs/hydrodynamics.md. The scene is that of scenes/closure.toml.
+why: docs/clusters_details.md and docs/hydrodynamics_details.md. The scene is that of scenes/closure.toml.
 Tests: tests/paper/test_closure_figure.py.
 """
 
@@ -34,7 +34,7 @@ CLOSURE_REFINED = 4
 """Times as many points for the closure, whose fronts are sharp. On 257, 513, 1025, 1537 points it runs away at γt = 5.996, 5.995,
 5.932, 5.909: before the next frame after 5.9."""
 PARTICLE_POINTS = 64
-"""Of the particles' density, of which waves up to 31 are kept (docs/particles.md)."""
+"""Of the particles' density, of which waves up to 31 are kept (docs/particles_details.md)."""
 COUNTS = (10_000, 1_000_000)
 """Particles."""
 LIGHT, DARK = 0.6, 1.5

@@ -1,7 +1,7 @@
 """The paper's Figures 2 and 3: particles below and above the critical density of its closure, at its times, beside equation (2).
 
 The paper gives times of 0, 3 and 500 s and no parameters: times are read as multiples of 1/γ, and R* = 0.5 and 4 are chosen on
-both sides of the closure's limit 7√3/9 = 1.347. What the pictures show, and why: docs/clusters.md.
+both sides of the closure's limit 7√3/9 = 1.347. What the pictures show, and why: docs/clusters_details.md.
 Tests: tests/paper/test_figs_2_3.py.
 """
 

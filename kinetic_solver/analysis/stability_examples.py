@@ -1,4 +1,4 @@
-"""Pictures of linear theory beyond one scene, those of docs/stability.md: closures of M moments, S(k), transient growth.
+"""Pictures of linear theory beyond one scene, those of docs/stability_details.md: closures of M moments, S(k), transient growth.
 
 Blue is the kinetic equation, orange its closure; where curves differ in R*, darker is less.
 """

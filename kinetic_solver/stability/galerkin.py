@@ -1,7 +1,7 @@
 """Operator (12) and its stationary states in waves in v: a Fourier-Galerkin method (L. Pareschi and B. Perthame 1996).
 
-On a period 2T of w, f = Σ f_l exp(iξ_l w), ξ_l = πl/T; the weak form of (12) (docs/theory.md) tested with exp(-iξ_n w) is a
-convolution,
+On a period 2T of w, f = Σ f_l exp(iξ_l w), ξ_l = πl/T; the weak form of (12) (docs/theory_details.md) tested with exp(-iξ_n w)
+is a convolution,
 
     C_n = Σ_{l+m=n} K(n, l) f_l f_m,    K = [D(n, l) + D(n, m)]/2,
     D(n, l) = 2 ∫_0^T r [cos((ξ_l - αξ_n) r) - cos(ξ_l r)] dr,    α = (1 - ε)/2.

@@ -29,7 +29,7 @@ Section = tuple[str, list[str]]
 LARGEST_CONTRAST = 0.5
 """Root mean square of the density about its mean, relative to it, up to which linear theory predicts one: a Gaussian of that
 width would hardly ever be negative. Particles have 0.35 where it expects 0.39, and 0.44 where it would expect 0.79
-(docs/clusters.md)."""
+(docs/clusters_measured.md)."""
 HIGHEST_MATRIX, SHORTEST_MATRIX = 6.0, 5.0
 """The largest R* and k* at which the growth of the norm is told: its matrix exponentials take a second or less up to there. That
 of the density has a closed form at any."""

@@ -1,8 +1,8 @@
 """Equation (2) with operator (6) in one exact step of any length, from any f on velocity points.
 
-With Φ_x = ρ, Φ_t = -ρu and f = F exp(-SΦ), F obeys (2) without collisions (docs/theory.md, "exactly linearisable"), so every
-part of the exact linear step (operators/linear.py) is an exact part of the nonlinear one. What a part does to Φ follows from
-E = exp(SΦ), E_x = S∫F dv. There is no splitting and no error in time; what is left is how well the grid resolves f.
+With Φ_x = ρ, Φ_t = -ρu and f = F exp(-SΦ), F obeys (2) without collisions (docs/theory_details.md, "exactly linearisable"), so
+every part of the exact linear step (operators/linear.py) is an exact part of the nonlinear one. What a part does to Φ follows
+from E = exp(SΦ), E_x = S∫F dv. There is no splitting and no error in time; what is left is how well the grid resolves f.
 
 exp(SΦ) spans many decades, and a Fourier transform in x is accurate relative to the largest value only. So there are two gauges:
 
