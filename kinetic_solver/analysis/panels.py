@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from matplotlib.colors import LogNorm
 
-from kinetic_solver.analysis.drawing import GREY, shades
+from kinetic_solver.analysis.drawing import DASHES, GREY, shades
 from kinetic_solver.analysis.frames import FINE_V, fine_v, fine_x, frame_of, is_counted, some, times_of
 from kinetic_solver.arrays import Array
 from kinetic_solver.dataset import scene_of, velocity_axis
@@ -35,8 +35,6 @@ JUMP = 0.4
 """Of the range of the density: frames between which it changes by more somewhere show a moving front as a row of beads."""
 
 
-DASHES = (0, (5, 2))
-"""Of curves that are drawn over others, which are seen between the dashes."""
 SCALED_LABEL = "scaled velocity (v − u)/s"
 """Of a run that cools (dataset/scaled.py)."""
 

@@ -12,9 +12,9 @@ from matplotlib.figure import Figure
 from kinetic_solver.analysis import panels
 from kinetic_solver.analysis.drawing import ORANGE, save
 from kinetic_solver.analysis.frames import chosen_frames, times_of
-from kinetic_solver.analysis.titles import in_words, method_in_words
+from kinetic_solver.analysis.titles import in_words, method_in_words, stopped_in_words
 from kinetic_solver.arrays import Array
-from kinetic_solver.dataset import STOPPED, scene_of
+from kinetic_solver.dataset import scene_of
 from kinetic_solver.errors import SceneError
 
 if TYPE_CHECKING:
@@ -72,10 +72,7 @@ def _nearest(dataset: xr.Dataset, name: str, shown: Array) -> list[int]:
 def _title(figure: Figure, dataset: xr.Dataset) -> None:
     """The scene; the method and its grid; in colour, what a reader must know before the picture is believed."""
     said = [in_words(scene_of(dataset)), method_in_words(dataset)]
-    warned = []
-    if "status" in dataset and int(dataset["status"]) == STOPPED:
-        end = scene_of(dataset).run.end_time
-        warned.append(f"stopped at t = {times_of(dataset, 'density')[-1]:.4g} of {end:g}")
+    warned = [stopped] if (stopped := stopped_in_words(dataset)) else []
     if dataset.sizes["x"] > 1 and panels.are_beads(dataset):
         warned.append("fronts move far between frames, which the map shows as beads: a smaller run.output_every shows them move")
     figure.suptitle("\n".join(said), fontsize=11)

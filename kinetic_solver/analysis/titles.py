@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from kinetic_solver.dataset import scene_of
+from kinetic_solver.analysis.frames import times_of
+from kinetic_solver.dataset import STOPPED, scene_of
 from kinetic_solver.scene import INELASTIC, Scene
 
 if TYPE_CHECKING:
@@ -37,11 +38,20 @@ def method_in_words(dataset: xr.Dataset) -> str:
     said = f"method {method}"
     if method == "grid":
         said += f", rtol = {scene_of(dataset).accuracy.rtol:g}"
+    if method == "hydrodynamics":
+        points = str(attrs.get("points", dataset.sizes["x"]))
     if window:
         said += f": solved on {points} points, velocities {window}; drawn where f is not small"
     elif points:
-        said += f": {points}"
+        said += f": {points} points"
     return said
+
+
+def stopped_in_words(dataset: xr.Dataset) -> str:
+    """When a run stopped that was to go on; empty for all others."""
+    if "status" not in dataset or int(dataset["status"]) != STOPPED:
+        return ""
+    return f"stopped at t = {times_of(dataset, 'density')[-1]:.4g} of {scene_of(dataset).run.end_time:g}"
 
 
 def _of_particles(dataset: xr.Dataset, method: str) -> str:
