@@ -73,7 +73,7 @@ def _differences(axes: Axes, row: Row) -> None:
         share = row.difference / row.bound
         if 0 < np.nanmax(np.abs(share)) < TINY:  # a straight line, else
             axes.semilogy(row.points, np.abs(share), ".", color=GREY, ms=4)
-            axes.axhline(1, color=SYSTEMATIC, lw=4)
+            axes.axhline(1, color=SYSTEMATIC, lw=4, label="bound of the systematic part")
             axes.set_ylabel("|difference| over its bound", fontsize=8)
             return
         axes.axhspan(-1, 1, color=SYSTEMATIC, zorder=0, label="bound of the systematic part")
