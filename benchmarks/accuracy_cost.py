@@ -87,10 +87,6 @@ class Problem:
         return self.scene(1e-4, grid)
 
     @property
-    def words(self) -> str:
-        return self.name.replace("(6)", "follow-the-leader").replace("(12)", "inelastic")
-
-    @property
     def inelastic(self) -> bool:
         return self.collisions is not None and self.collisions["operator"] == "inelastic"
 
@@ -115,12 +111,12 @@ def follow(number: float) -> dict[str, Any]:
 
 INELASTIC = {"operator": "inelastic", "cross_section": 1.0, "restitution": 0.5}
 PROBLEMS = (
-    Problem("(6), R* = 0.3", follow(0.3)),
-    Problem("(6), R* = 2", follow(2.0)),
-    Problem("(6), R* = 5", follow(5.0)),
-    Problem("(12), ε = 0.5, R* = 1", INELASTIC, finest=1e-8),
+    Problem("follow-the-leader, R* = 0.3", follow(0.3)),
+    Problem("follow-the-leader, R* = 2", follow(2.0)),
+    Problem("follow-the-leader, R* = 5", follow(5.0)),
+    Problem("inelastic, ε = 0.5, R* = 1", INELASTIC, finest=1e-8),
     Problem("no collisions", None),
-    Problem("(12), ε = 0.5, R* = 1, homogeneous", INELASTIC, homogeneous=True),
+    Problem("inelastic, ε = 0.5, R* = 1, homogeneous", INELASTIC, homogeneous=True),
 )
 
 
@@ -192,7 +188,7 @@ def draw(table: Path, picture: Path) -> None:
         rtol, seconds, error = (np.array([float(p[name]) for p in here if p["rtol"]]) for name in ("rtol", "seconds", "error"))
         hollow = {"mfc": "w"} if problem.homogeneous else {}
         style: dict[str, Any] = {"color": colour, "marker": mark, "ms": 5, "lw": 1.2, **hollow}
-        cost.plot(seconds, error, label=f"{problem.words}, by rtol", **style)
+        cost.plot(seconds, error, label=f"{problem.name}, by rtol", **style)
         by_hand = [(float(p["seconds"]), float(p["error"])) for p in here if not p["rtol"]]
         cost.plot(*zip(*by_hand, strict=True), color=colour, marker=mark, mfc="w", ms=8, mew=1.4, ls=(0, (1, 3)), lw=1)
         kept.plot(rtol, error / rtol, **style)

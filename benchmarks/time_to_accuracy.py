@@ -27,8 +27,8 @@ LENGTH = 9.0
 RTOL = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
 COUNTS = (1_000, 10_000, 100_000, 1_000_000, 10_000_000)
 OPERATORS: dict[str, dict[str, Any]] = {
-    "(6)": {"operator": "follow-the-leader", "cross_section": 1.0},
-    "(12), ε = 0.5": {"operator": "inelastic", "cross_section": 1.0, "restitution": 0.5},
+    "follow-the-leader": {"operator": "follow-the-leader", "cross_section": 1.0},
+    "inelastic, ε = 0.5": {"operator": "inelastic", "cross_section": 1.0, "restitution": 0.5},
 }
 
 
@@ -51,7 +51,7 @@ def density(run: Any) -> np.ndarray:
 
 
 def truth(name: str) -> np.ndarray:
-    if name == "(6)":
+    if name == "follow-the-leader":
         return density(exact.solve(scene(name, grid={"nx": 129})))
     return density(solve(scene(name, accuracy={"rtol": 1e-9})))
 
@@ -105,12 +105,11 @@ def draw(rows: Measured, path: Path) -> None:
 
     figure = Figure(figsize=(7, 5.4), layout="constrained")
     axes = figure.subplots()
-    words = {"(6)": "follow-the-leader", "(12), ε = 0.5": "inelastic, ε = 0.5"}
-    for name, line in (("(6)", "-"), ("(12), ε = 0.5", "--")):
+    for name, line in (("follow-the-leader", "-"), ("inelastic, ε = 0.5", "--")):
         for method, colour, mark in (("grid", BLUE, "o"), ("particles", ORANGE, "^")):
             seconds, errors = np.array([row[3:] for row in rows if row[:2] == (name, method)]).T
-            fill = colour if name == "(6)" else "w"
-            label = f"{method}, {words[name]}"
+            fill = colour if name == "follow-the-leader" else "w"
+            label = f"{method}, {name}"
             axes.loglog(seconds, errors, line, marker=mark, ms=6, mfc=fill, color=colour, label=label)
     axes.set_xlabel("seconds of processor time, one core")
     axes.set_ylabel("largest error of the density over its mean")
