@@ -129,7 +129,7 @@ def test_when_it_is_chosen(make_scene: MakeScene) -> None:
     assert "no friction and noise" in make_plan(cooling).reasons["stepping"]
     own = make_plan(make_scene(initial=known), law=Mine())
     assert own.stepping == "extrapolated"
-    assert "operator (12) alone" in own.reasons["stepping"]
+    assert "inelastic collisions (12) alone" in own.reasons["stepping"]
 
 
 class Mine(PairLaw):
