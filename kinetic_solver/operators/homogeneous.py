@@ -29,26 +29,29 @@ from kinetic_solver.theory.collisions_in_waves import CollisionsInWaves
 REFUSED = 1e100
 """A rate at which no step ends."""
 INTEGRALS = 2
-"""∫θ dt and ∫c dt, c = ½∫w²C dw over the mass, the power of collisions."""
+"""γ∫θ dt and ∫c dt, c the energy that collisions bring per mass and time, both in units of a width squared."""
 
 
 @dataclass(frozen=True)
 class Shape:
-    """f(v) = F((v - mean)/width)/width on a period 2·half of w; 0 beyond. F is real: waves -l are the conjugates of l."""
+    """f(v) = mass F((v - mean)/width)/width on a period 2·half of w, ∫F = 1; 0 beyond. F is real: waves -l are the conjugates of
+    l."""
 
     waves: Array
     """Re c_l for l = 0 …, and then, unless F is even, Im c_l for l = 2 …: that of l = 1 follows, since the mean of F is 0."""
     even: bool
+    mass: float
+    """Of f, per length."""
     mean: float
     width: float
     half: float
 
     @classmethod
-    def of(cls, values: Array, mean: float, width: float, half: float, even: bool) -> Shape:
+    def of(cls, values: Array, mass: float, mean: float, width: float, half: float, even: bool) -> Shape:
         """From F at `points(half, count)`, count odd."""
         count = values.size
         turns = np.exp(2j * np.pi / count * (count // 2) * np.arange(count // 2 + 1))
-        return cls(packed(np.fft.rfft(values) / count * turns, even), even, mean, width, half)
+        return cls(packed(np.fft.rfft(values) / count * turns, even), even, mass, mean, width, half)
 
     @property
     def c(self) -> NDArray[np.complex128]:
@@ -60,13 +63,9 @@ class Shape:
         """Points that hold these waves: odd."""
         return 2 * self.c.size - 1
 
-    @property
-    def mass(self) -> float:
-        return 2 * self.half * float(self.waves[0])
-
     def at(self, v: Array) -> Array:
         """f on uniform points v, which hold all of it: the sum over them is its mass, as that of a start is."""
-        return self._at((v - self.mean) / self.width) / self.width
+        return self._at((v - self.mean) / self.width) * (self.mass / self.width)
 
     def on(self, half: float, count: int) -> Shape:
         """The same F on another period, with the waves of an odd number of points."""
@@ -74,14 +73,14 @@ class Shape:
             c, kept = np.zeros(count // 2 + 1, dtype=complex), min(count // 2 + 1, self.c.size)
             c[:kept] = self.c[:kept]
             return replace(self, waves=packed(c, self.even))
-        return Shape.of(self._at(points(half, count)), self.mean, self.width, half, self.even)
+        return Shape.of(self._at(points(half, count)), self.mass, self.mean, self.width, half, self.even)
 
     def _at(self, w: Array) -> Array:
         """F on other uniform points, by the trigonometric interpolant."""
         inside = np.abs(w) < self.half
         values = np.zeros(w.size)
         values[inside] = through_waves(points(self.half, self.count), w[inside], 2 * self.half) @ self.values
-        return values * (self.mass / (values.sum() * (w[1] - w[0])))
+        return values / (values.sum() * (w[1] - w[0]))
 
     @property
     def values(self) -> Array:
@@ -135,13 +134,14 @@ def of_the_first(longest: int) -> Array:
 
 
 class HomogeneousFlow:
-    """y' = rate(t, y) of y = (waves of a Shape, ln of its width over a given one, ∫θ dt, ∫c dt)."""
+    """y' = rate(t, y) of y = (waves of a Shape, ln of its width over a given one, γ∫θ dt, ∫c dt). All are numbers without a unit,
+    so that the bits of a run do not depend on units."""
 
     width: float
-    """That one, set before each use: a shape's own, so that the bits of a run do not depend on the unit of velocity."""
+    """That one, set before each use: that of a shape."""
 
     def __init__(self, model: Model, law: Inelastic, shape: Shape) -> None:
-        self.friction, self.noise, self.cross_section = model.friction, model.noise, law.cross_section
+        self.friction, self.noise, self.cross_section = model.friction, model.noise, law.cross_section * shape.mass
         self.even, self.half, self.count = shape.even, shape.half, shape.count
         self.unknowns = shape.waves.size
         middle = self.count // 2
@@ -169,7 +169,8 @@ class HomogeneousFlow:
         rate = np.empty(self.unknowns + 1 + INTEGRALS)
         moved = (self.friction + narrowing) * (self._drift @ both) - drag * self._xi**2 * c + change
         rate[: self.unknowns] = packed(moved, self.even)
-        rate[self.unknowns :] = narrowing, width**2 * theta, width**2 * power
+        square = (width / self.width) ** 2
+        rate[self.unknowns :] = narrowing, self.friction * square * theta, square * power
         return rate
 
     def jacobian(self, time: float, y: Array) -> Array:
@@ -202,8 +203,9 @@ class HomogeneousFlow:
             result[diagonal, diagonal] += np.append(damped, damped[2:])
         result[:n, n] = by_width * drift + packed(change - 2 * damped * c, self.even)
         result[n, :n], result[n, n] = by_narrowing, by_width
-        result[n + 1, :n], result[n + 1, n] = width**2 * by_theta, 2 * width**2 * theta
-        result[n + 2, :n], result[n + 2, n] = width**2 * by_power, 3 * width**2 * power
+        square = (width / self.width) ** 2
+        result[n + 1, :n], result[n + 1, n] = self.friction * square * by_theta, 2 * self.friction * square * theta
+        result[n + 2, :n], result[n + 2, n] = square * by_power, 3 * square * power
         return result
 
     def _of(self, y: Array) -> tuple[NDArray[np.complex128], np.float64]:

@@ -1,4 +1,4 @@
-"""Homogeneous runs of (12): whether they are solved in velocities that follow them (operators/homogeneous.py), and on what points.
+"""Homogeneous runs of (12): whether they are solved in velocities that follow them (operators/homogeneous.py), and where.
 
 There everything is kept to round-off but the steps in time: it costs little, for points are few and there is one place.
 """
@@ -99,8 +99,8 @@ def at_rest(scales: Scales, shape: Shape) -> Shape:
     state, noise = _state(scales), scales.scene.model.noise
     assert state is not None
     width = math.sqrt(state.temperature / shape.variance)
-    f = shape.mass * width * state.distribution(width * points(shape.half, shape.count)).real
-    return Shape.of(f, shape.mean, width * math.sqrt(noise), shape.half, shape.even)
+    f = width * state.distribution(width * points(shape.half, shape.count)).real
+    return Shape.of(f, shape.mass, shape.mean, width * math.sqrt(noise), shape.half, shape.even)
 
 
 def seconds(scales: Scales) -> float:

@@ -25,8 +25,8 @@ FINER, WIDER = 1.5, 1.3
 TRIES = 8
 """After so many F is not held at all. Chosen."""
 RELAXED, AT_REST = 40.0, 3.0
-"""Relaxation times 1/γ after which nothing moves, for what lasts longest falls as exp(-2γt); or, before, local errors between F and
-the homogeneous state."""
+"""Relaxation times 1/γ after which nothing moves, for what lasts longest falls as exp(-2γt); or, before, local errors between
+F and the homogeneous state."""
 MANY, WORTH_FEWER = 250, 1.3
 """Of so many points a run looks, after a collision or relaxation time, whether as many times fewer would do: their number squared
 is what a rate costs. Chosen."""
@@ -67,10 +67,9 @@ class HomogeneousSteps:
         start, on = self.plan.scales.start, homogeneous.shape_grid(self.plan.scales)
         width, x = math.sqrt(start.temperature), self.grid.x
         values = width * start.distribution(x, start.mean_velocity + width * points(on.half, on.count))[0]
-        mass = float(values.sum()) * 2 * on.half / on.count
-        values *= float(start.density(x)[0]) / mass
+        values /= values.sum() * (2 * on.half / on.count)
         even = not np.ptp(self.plan.scales.mean_velocity[:, 0])
-        return Place(Shape.of(values, start.mean_velocity, width, on.half, even), 0.0)
+        return Place(Shape.of(values, float(start.density(x)[0]), start.mean_velocity, width, on.half, even), 0.0)
 
     def step(self, state: Array, memory: Place, start: float, interval: float) -> Step:
         """To the end of the interval, or, with many points, to where fewer may do. Raises LostAccuracy where no points hold F."""
@@ -106,10 +105,10 @@ class HomogeneousSteps:
             brought = np.zeros(y.size)
             brought[-2:] = (end - begun) * flow.rate(begun, y)[-2:]
             return (y + brought)[None]
-        hottest = max(self.model.noise, shape.width**2)
+        hottest = max(self.model.noise / shape.width**2, 1.0)
         # Of F at a point the errors of all waves together.
         of_waves = np.abs(shape.values).max() / math.sqrt(shape.count)
-        scales = np.append(np.full(shape.waves.size, of_waves), [1.0, hottest * (end - begun), hottest])
+        scales = np.append(np.full(shape.waves.size, of_waves), [1.0, hottest * self.model.friction * (end - begun), hottest])
         return integrate(flow.rate, flow.jacobian, y, begun, end, self.local, self.local * scales)
 
     def _unresolved(self, shape: Shape, y: Array) -> tuple[float, float]:
@@ -129,13 +128,14 @@ class HomogeneousSteps:
         (begun, end), (start, interval) = step, within
         n, done = shape.waves.size, end == start + interval
         width = shape.width * math.exp(y[n])
-        now = Shape(y[:n], shape.even, self.mean.place(end).velocity, width, shape.half)
+        now = Shape(y[:n], shape.even, shape.mass, self.mean.place(end).velocity, width, shape.half)
         f = now.at(self.grid.v)[None]
         integral = None
         if self.books:
             position, kinetic = np.subtract(self.mean.travelled(end), self.mean.travelled(begun)).tolist()
-            mass = now.mass * self.grid.length
-            integral = mass * np.array([position, kinetic + y[n + 1] / 2, 0.0, y[n + 2]])
+            thermal, brought = shape.width**2 * y[n + 1 :]
+            thermal /= self.model.friction
+            integral = now.mass * self.grid.length * np.array([position, kinetic + thermal / 2, 0.0, brought])
         needed = now.needed(self.kept)
         later = now.on(now.half, needed) if now.count > max(MANY, WORTH_FEWER * needed) else now
         elapsed = interval if done else end - start

@@ -1,5 +1,5 @@
-"""Systems of ordinary differential equations over one interval, by LSODA (A. C. Hindmarsh 1983, in SciPy): Adams' methods of order
-up to 12, and backward differences where those would need short steps."""
+"""Systems of ordinary differential equations over one interval, by LSODA (A. C. Hindmarsh 1983, in SciPy): Adams' methods of
+order up to 12, and backward differences where those would need short steps."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def integrate(
     relative: float,
     absolute: Array,
 ) -> Array:
-    """y (n,) at the ends of all steps from start to end, (steps + 1, n); the local error of each is below relative·|y| + absolute.
+    """y (n,) at the ends of all steps from start to end, (steps + 1, n), each with a local error of relative·|y| + absolute.
 
     Raises StepTooSmall where no step is short enough.
     """

@@ -158,14 +158,18 @@ def test_rate_and_jacobian() -> None:
     """The rate is that of (2) for f; the Jacobian is its derivative."""
     model, law = Model(gravity=0.0, friction=0.7, noise=0.5), Inelastic(cross_section=1.7, restitution=0.4)
     half, count, width = 10.0, 95, 1.3
-    w = points(half, count)
+    w, xi = points(half, count), 1j * np.pi / half * np.arange(count // 2 + 1)
+
+    def slope(g: np.ndarray) -> np.ndarray:
+        return np.asarray(np.fft.irfft(np.fft.rfft(g) * xi, count)) / width
+
     for even in (True, False):
         values = np.exp(-(w**2) / 2)
         if not even:
             values += 0.3 * np.exp(-((w - 1) ** 2) / 0.8)
             off = float(w @ values) / values.sum()
             values = np.exp(-((w + off) ** 2) / 2) + 0.3 * np.exp(-((w + off - 1) ** 2) / 0.8)
-        shape = Shape.of(values, 0.0, width, half, even)
+        shape = Shape.of(values, 0.8, 0.0, width, half, even)
         np.testing.assert_allclose(shape.values, values, atol=1e-13)
         flow = HomogeneousFlow(model, law, shape)
         flow.width = width
@@ -173,17 +177,11 @@ def test_rate_and_jacobian() -> None:
         rate = flow.rate(0.0, y)
         assert rate[0] == 0.0  # the mass
         # ∂f/∂t at v = sw is (F' - s'/s ∂(wF))/s; here by pairs of cells and derivatives of the same waves.
-        xi = 1j * np.pi / half * np.arange(count // 2 + 1)
-        v, f = width * w, values / width
-        turns = np.exp(2j * np.pi / count * (count // 2) * np.arange(count // 2 + 1))
-
-        def slope(g: np.ndarray) -> np.ndarray:
-            return np.fft.irfft(np.fft.rfft(g) * xi * np.ones_like(turns), count) / width
-
+        v, f = width * w, 0.8 * values / width
         cells = PairCollisions(v, law, "quintic")
         expected = model.friction * slope(v * f + model.noise * slope(f)) + cells.rate(f[None])[0]
-        changed = Shape(rate[: shape.waves.size], even, 0.0, 1.0, half).values
-        seen = (changed - rate[shape.waves.size] * slope(width * v / width * values) * 1.0) / width
+        changed = Shape(rate[: shape.waves.size], even, 1.0, 0.0, 1.0, half).values
+        seen = 0.8 * (changed - rate[shape.waves.size] * slope(v * values)) / width
         np.testing.assert_allclose(seen, expected, atol=2e-4 * np.abs(expected).max())
         h = 1e-5
         by_hand = [(flow.rate(0.0, y + h * e) - flow.rate(0.0, y - h * e)) / (2 * h) for e in np.eye(y.size)]
