@@ -2,10 +2,9 @@
 
     python -m benchmarks.homogeneous
 
-From a Maxwellian of temperature σ at rest, under gravity: θ falls to its stationary value, by 10⁴ at the most. The truth is the
-homogeneous state by Newton's method (stability/inelastic.py); those of the two last columns differ in nothing but time. Seconds are
-of the processor, best of three, after one run that is not counted. Fails where a run takes a second or more up to R* = 1000, or
-where θ or a2 is off by 1e-6 or more.
+From a Maxwellian of temperature σ at rest, under gravity: θ falls to its stationary value, by 10⁴ at the most. The truth is
+the homogeneous state by Newton's method (stability/inelastic.py). Seconds are of the processor, best of three, after one run
+that is not counted. Fails where a run takes a second or more up to R* = 1000, or where θ or a2 is off by 1e-6 or more.
 """
 
 from __future__ import annotations

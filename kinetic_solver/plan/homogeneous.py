@@ -24,9 +24,9 @@ FINER = 1.25
 """By how much points are closer than the waves of a Gaussian ask, since f_h has more. Chosen."""
 POINTS = 3.5
 """To a standard deviation, where f is looked at: enough for round-off."""
-EVALUATIONS, AT_LEAST = 1200, 20
-"""Of the rate, by a run, and by each further frame (python -m benchmarks.homogeneous)."""
-CALLS, RATE = 5e-5, 2.5e-9
+EVALUATIONS, BY_NUMBER, AT_LEAST = 500, 400, 20
+"""Of the rate: by a run, for each decade of R*, and by each further frame (python -m benchmarks.homogeneous)."""
+CALLS, RATE = 6e-5, 2.5e-9
 """Seconds of one, and for each pair of points. Likewise."""
 ROOM = 1.1
 """By how much the window of the points in v exceeds all that it is to hold. Chosen."""
@@ -105,8 +105,11 @@ def at_rest(scales: Scales, shape: Shape) -> Shape:
 
 def seconds(scales: Scales) -> float:
     """Of a run, on the machine of plan/cost.py's constants: evaluations of the rate, each a few matrix products."""
-    frames = len(scales.times) - 1
-    return (EVALUATIONS + AT_LEAST * (frames - 1)) * (CALLS + RATE * shape_grid(scales).count ** 2)
+    law, model = scales.law, scales.scene.model
+    assert isinstance(law, Inelastic)
+    number = law.cross_section * scales.rho_max * math.sqrt(model.noise) / model.friction
+    evaluations = EVALUATIONS + BY_NUMBER * math.log10(1 + number) + AT_LEAST * (len(scales.times) - 2)
+    return evaluations * (CALLS + RATE * shape_grid(scales).count ** 2)
 
 
 def _reach(scales: Scales) -> float:
