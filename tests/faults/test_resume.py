@@ -39,7 +39,7 @@ CASES: dict[str, dict[str, Any]] = {
     "no collisions": {},
     "(6), exact steps": {"collisions": FOLLOW},
     "(12), homogeneous": {"collisions": INELASTIC, "initial": {"modes": []}},
-    "(12), homogeneous, of many points": {"collisions": INELASTIC, "initial": {"modes": [], **"beams": BEAMS}},
+    "(12), homogeneous, of many points": {"collisions": INELASTIC, "initial": {"modes": [], "beams": BEAMS}},
     "(6), local gauge": {"collisions": STRONG, "initial": {"modes": [{"mode": 1, "cos": 0.8}]}},
     "(6), frames closer than steps": {"collisions": FOLLOW, "run": {"end_time": 0.3, "output_every": 0.02}},
     "(6), Strang": {"collisions": FOLLOW, **STRANG},
