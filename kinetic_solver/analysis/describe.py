@@ -190,6 +190,8 @@ def _stepping(plan: Plan) -> str:
         return "one exact step from time 0 to each frame"
     if plan.stepping == "exact":
         return "exact steps: with follow-the-leader collisions a transformation makes (2) linear"
+    if plan.stepping == "homogeneous":
+        return "nothing depends on x: an ordinary differential equation in velocities that follow mean and width"
     if plan.stepping == "strang":
         return "Strang splitting, order 2"
     if plan.symmetric:

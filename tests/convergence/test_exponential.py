@@ -104,6 +104,7 @@ def test_homogeneous_relaxation_ends_in_the_known_state(number: float, restituti
             "initial": {"mean_velocity": 0.2, "temperature": 0.9},
             "run": {"end_time": 25.0},
             "accuracy": {"rtol": 1e-7},
+            "grid": {"stepping": "exponential"},
         }
     )
     state, run = homogeneous_state(scene), solve(scene)
