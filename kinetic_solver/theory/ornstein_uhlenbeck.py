@@ -70,19 +70,30 @@ def bridge_variance(model: Model, h: float) -> float:
     return max(0.0, step.displacement_variance - step.covariance**2 / step.velocity_variance)
 
 
-def bridge_variances(model: Model, h: Array) -> Array:
-    """`bridge_variance` of many times h > 0 at once, which planning asks for by the hundred."""
+def spreads(model: Model, h: Array) -> tuple[Array, Array, Array, Array, Array]:
+    """(decay, drift time, variance of V, covariance, variance of X) of `transition`, of many times h > 0 at once, which planning
+    asks for by the hundred."""
     gamma, sigma = model.friction, model.noise
-    if gamma * sigma == 0:
-        return np.zeros_like(h)
+    zero = np.zeros_like(h)
+    if gamma == 0:
+        return np.ones_like(h), h, zero, zero, zero
     a = gamma * h
+    e, b = np.exp(-a), -np.expm1(-a) / gamma
+    if sigma == 0:
+        return e, b, zero, zero, zero
     late = np.maximum(a, 0.5)
     long = (2 * late + 4 * np.expm1(-late) - np.expm1(-2 * late)) / late**3
     n = np.arange(3, 3 + TERMS)
     short = np.polynomial.polynomial.polyval(-np.minimum(a, 0.5), (2.0**n - 4.0) / FACTORIALS[n])
-    displacement = sigma * gamma * h**3 * np.where(a > 0.5, long, short)
-    covariance = sigma * gamma * (np.expm1(-a) / gamma) ** 2
-    return np.maximum(0.0, displacement + covariance * (covariance / (sigma * np.expm1(-2 * a))))
+    return e, b, -sigma * np.expm1(-2 * a), sigma * gamma * b * b, sigma * gamma * h**3 * np.where(a > 0.5, long, short)
+
+
+def bridge_variances(model: Model, h: Array) -> Array:
+    """`bridge_variance` of many times h > 0 at once."""
+    if model.friction * model.noise == 0:
+        return np.zeros_like(h)
+    _, _, of_velocity, covariance, of_displacement = spreads(model, h)
+    return np.maximum(0.0, of_displacement - covariance * (covariance / of_velocity))
 
 
 def half_transport_time(gamma: float, h: float) -> float:
