@@ -109,7 +109,7 @@ class MemoryRecorder:
         for group, dimension in self._dimensions.items():
             for name, (dims, units, long_name) in self._variables[group].items():
                 if name in self._values:
-                    values = np.stack(self._values[name])
+                    values = np.array(self._values[name])
                     data[name] = ((dimension, *dims), values, {"long_name": long_name, "units": units})
         for name, (dimension, values) in bounds(self.grid).items():
             data[name] = ((dimension, "bounds"), values)

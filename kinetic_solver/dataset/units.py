@@ -41,6 +41,8 @@ def conventions(scene: Scene) -> dict[str, str]:
 
 def name_units(dataset: xr.Dataset, scene: Scene) -> None:
     """All of a dataset's units, in place, and its claim."""
+    if scene.units is None:
+        return
     for variable in dataset.variables.values():
         if "units" in variable.attrs:
             variable.attrs = {**variable.attrs, "units": unit_in(scene, variable.attrs["units"])}

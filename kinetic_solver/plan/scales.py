@@ -205,13 +205,14 @@ def scales_of(
     law: CollisionLaw | None = None,
     start: Start | None = None,
     of_edges: float | None = None,
+    density: Array | None = None,
 ) -> Scales:
     """The scales of a scene that is written at these times of its own clock. `law` and `start` stand in for the scene's own, and
-    `of_edges` for its rtol at the window's edges."""
+    `of_edges` for its rtol at the window's edges. `density` is `Scales.density`, where another frame of reference knows it."""
     law = scene.law if law is None else law
     start = SceneStart(scene) if start is None else start
     x = scene.pipe.length * np.arange(POINTS) / POINTS
-    density, gaussians = start.density(x), start.gaussians(x)
+    density, gaussians = start.density(x) if density is None else density, start.gaussians(x)
     temperature = np.array([theta for _, _, theta in gaussians])
     whole = transition(scene.model, scene.run.end_time)
     theta_end = float(temperature.max()) * whole.decay**2 + whole.velocity_variance
