@@ -27,4 +27,3 @@ def mixing(model: Model, k: Array, digits: Array, theta: float, left: float, fir
         room = 2 * (digits - k**2 * rest / 2)
         q = k * covariance / variance + np.sqrt(room / variance)
     return float(q.max(initial=0.0, where=(variance > 0) & (room > 0)))
-
