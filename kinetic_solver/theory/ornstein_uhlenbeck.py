@@ -9,7 +9,6 @@ m h + (v - m)(1 - e)/γ + noise. The two noises are jointly Gaussian (Uhlenbeck 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,9 +16,12 @@ import numpy as np
 from kinetic_solver.arrays import Array
 from kinetic_solver.scene import Model
 
-TERMS = 22
+TERMS = 18
 """Of the series for short times, a = γh ≤ 0.5: more than there are digits."""
-FACTORIALS = np.array([float(math.factorial(n)) for n in range(TERMS + 3)])
+OF_PHI2 = tuple((-1.0) ** n / math.factorial(n + 2) for n in range(TERMS))
+"""Coefficients of a^n in (a - 1 + e^-a)/a²."""
+OF_PSI = tuple((-1.0) ** n * (2.0 ** (n + 3) - 4.0) / math.factorial(n + 3) for n in range(TERMS))
+"""Likewise in (2a - 3 + 4e^-a - e^-2a)/a³."""
 
 
 @dataclass(frozen=True)
@@ -83,8 +85,7 @@ def spreads(model: Model, h: Array) -> tuple[Array, Array, Array, Array, Array]:
         return e, b, zero, zero, zero
     late = np.maximum(a, 0.5)
     long = (2 * late + 4 * np.expm1(-late) - np.expm1(-2 * late)) / late**3
-    n = np.arange(3, 3 + TERMS)
-    short = np.polynomial.polynomial.polyval(-np.minimum(a, 0.5), (2.0**n - 4.0) / FACTORIALS[n])
+    short = np.polynomial.polynomial.polyval(np.minimum(a, 0.5), OF_PSI)
     return e, b, -sigma * np.expm1(-2 * a), sigma * gamma * b * b, sigma * gamma * h**3 * np.where(a > 0.5, long, short)
 
 
@@ -136,23 +137,19 @@ def phi1(a: float) -> float:
 
 def phi2(a: float) -> float:
     """(a - 1 + e^-a)/a²."""
-    return (a + math.expm1(-a)) / a**2 if abs(a) > 0.5 else _series(a, lambda n: 1.0, 2)
+    return (a + math.expm1(-a)) / a**2 if abs(a) > 0.5 else _series(OF_PHI2, a)
 
 
 def _psi(a: float) -> float:
     """(2a - 3 + 4e^-a - e^-2a)/a³: 2/3 at a = 0."""
     if a > 0.5:
         return (2 * a + 4 * math.expm1(-a) - math.expm1(-2 * a)) / a**3
-    return -_series(a, lambda n: 4.0 - 2.0**n, 3)
+    return _series(OF_PSI, a)
 
 
-def _series(a: float, coefficient: Callable[[int], float], first: int) -> float:
-    """Σ_{n ≥ first} coefficient(n) (-1)^(n - first) a^(n - first)/n!, for a ≤ 0.5."""
-    total, power = 0.0, 1.0 / math.factorial(first)
-    for n in range(first, first + TERMS):
-        before = total
-        total += coefficient(n) * power
-        if total == before:
-            break  # as the terms to come are smaller still
-        power *= -a / (n + 1)
+def _series(coefficients: tuple[float, ...], a: float) -> float:
+    """Σ coefficients[n] a^n, for |a| ≤ 0.5."""
+    total = 0.0
+    for coefficient in reversed(coefficients):
+        total = total * a + coefficient
     return total

@@ -11,7 +11,7 @@ What is left are four sums over v for each k. Test: tests/exact/test_linearised_
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,7 @@ from kinetic_solver.arrays import Array
 from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.operators.linear import FADED
 from kinetic_solver.scene import Model
-from kinetic_solver.theory.ornstein_uhlenbeck import Transition, transition
+from kinetic_solver.theory.ornstein_uhlenbeck import transition
 
 MOMENTS = 4
 """Of v^0 … v^3: what momentum, energy, and their rates by operator (6) take."""
@@ -45,8 +45,8 @@ def moments_after(
     global gauge. What noise damps below rounding is left out.
     """
     steps = [transition(model, h) for h in times]
-    drift_times, shifts = _column(steps, "drift_time"), _column(steps, "displacement_shift")
-    spread, covariance = _column(steps, "displacement_variance"), _column(steps, "covariance")
+    drift_times, shifts, spread = _columns((s.drift_time, s.displacement_shift, s.displacement_variance) for s in steps)
+    e, pushed, noise, covariance = _columns((s.decay, s.velocity_shift, s.velocity_variance, s.covariance) for s in steps)
     growth, k, v = cross_section * mean, grid.wavenumbers, grid.v
     damping = k**2 * (spread + np.array(blurs)[:, None]) / 2
     kept = np.sum(damping <= FADED, axis=1)
@@ -62,8 +62,7 @@ def moments_after(
             sums[block, :count] = _sums(modes[:count], k, v, powers, growth, drift_times[block])
         # exp(-iκ(mean X)) without the factors that do not depend on k, and the mean of V
         sums *= np.exp(1j * k * (growth * spread - shifts) - damping)[:, :, None]
-        moved = _column(steps, "velocity_shift") - (1j * k + growth) * covariance
-        e, noise = _column(steps, "decay"), _column(steps, "velocity_variance")
+        moved = pushed - (1j * k + growth) * covariance
         s0, s1, s2, s3 = sums[..., 0], e * sums[..., 1], e**2 * sums[..., 2], e**3 * sums[..., 3]
         second = moved**2 + noise
         found = np.empty((len(steps), MOMENTS, k.size), dtype=np.complex128)
@@ -99,5 +98,6 @@ def _sums(
     return np.asarray(shear @ weighted.astype(np.complex128))
 
 
-def _column(steps: list[Transition], name: str) -> Array:
-    return np.array([getattr(step, name) for step in steps])[:, None]
+def _columns(of_times: Iterable[tuple[float, ...]]) -> Array:
+    """(numbers, times, 1) of a few numbers at each time."""
+    return np.array(list(of_times)).T[:, :, None]
