@@ -39,9 +39,9 @@ SHARES = (2, 5)
 FIRST = "inelastic"
 """The scene of first runs: numba's cache is empty, on one thread and on two."""
 FLOORS = {
-    **{f"run {name}.toml": 2.3 for name in SCENES},
-    "solve, R* = 2": 1.5,
-    "solve, R* = 5": 3.7,
+    **{f"run {name}.toml": 2.5 for name in SCENES},
+    "solve, R* = 2": 2.7,
+    "solve, R* = 5": 4.5,
     "first run of inelastic.toml, 1 thread": 2.0,
     "first run of inelastic.toml, 2 threads": 3.0,
 }

@@ -153,7 +153,7 @@ class Ledger:
         operator = seen.scheme.operator
         assert isinstance(operator, FollowLeader)
         totals = (all_moments[:, :3].sum(axis=2) * seen.grid.dx).tolist()
-        changes = operator.brought(all_moments, seen.grid.dx).tolist()
+        changes = np.transpose(operator.brought(all_moments, seen.grid.dx)).tolist()
         found = []
         for clock, (mass, p, energy), change in zip(clocks, totals, changes, strict=True):
             place = self.frame.place(clock)
@@ -246,7 +246,7 @@ def _collisions(seen: Observation, place: Place) -> Array:
     if operator is None:
         return np.zeros(2)
     if isinstance(operator, FollowLeader):
-        p, energy = operator.brought(velocity_moments(seen.grid, seen.f), seen.grid.dx).tolist()
+        p, energy = (float(rate) for rate in operator.brought(velocity_moments(seen.grid, seen.f), seen.grid.dx))
     else:
         _, p, energy = totals(seen.grid, operator.rate(seen.f))
     return np.array(place.rates((p, energy)))

@@ -103,7 +103,7 @@ class Monitor:
 
     def finite(self, seen: Observation) -> None:
         """The check of every step. Raises SolverStopped."""
-        if not np.isfinite(seen.f.sum()):
+        if not seen.finite:
             raise SolverStopped(f"{_when(seen)}: f is no longer finite; {_shorter_steps(seen)}")
 
     def judge(self, seen: Observation, share: float = SHARE) -> Judgement:
@@ -225,7 +225,7 @@ def amplified(seen: Observation, velocities: slice = slice(None)) -> Array:
     """max|f| over x at these velocities, times what operator (6) can still make of what is built upon. Shape (velocities,)."""
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         size = np.exp(np.log(np.abs(seen.f[:, velocities])) + _exponents(seen, velocities))
-    return np.asarray(np.nan_to_num(size, nan=0.0, posinf=np.inf).max(axis=0))
+    return np.asarray(np.where(np.isnan(size), 0.0, size).max(axis=0))
 
 
 def amplified_waves(seen: Observation) -> Array:

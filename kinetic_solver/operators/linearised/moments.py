@@ -60,18 +60,19 @@ def moments_after(
             block = slice(first, first + together)
             count = int(kept[block].max())
             sums[block, :count] = _sums(modes[:count], k, v, powers, growth, drift_times[block])
-        # exp(-iκ(mean X)) without the factors that do not depend on k, and the mean of V
+        # exp(-iκ(mean X)) without the factors that do not depend on k, and what moves the mean of V
         sums *= np.exp(1j * k * (growth * spread - shifts) - damping)[:, :, None]
-        moved = pushed - (1j * k + growth) * covariance
+        i_kappa = growth + 1j * k
+        moved = pushed - i_kappa * covariance
         s0, s1, s2, s3 = sums[..., 0], e * sums[..., 1], e**2 * sums[..., 2], e**3 * sums[..., 3]
-        second = moved**2 + noise
+        # The moments of ev + moved, as in Pascal's triangle, and of the noise beside it
+        once, twice = s1 + moved * s0, s2 + moved * s1
+        squared = twice + moved * once
         found = np.empty((len(steps), MOMENTS, k.size), dtype=np.complex128)
-        found[:, 0] = s0
-        found[:, 1] = s1 + moved * s0
-        found[:, 2] = s2 + 2 * moved * s1 + second * s0
-        found[:, 3] = s3 + 3 * moved * s2 + 3 * second * s1 + (second + 2 * noise) * moved * s0
+        found[:, 0], found[:, 1], found[:, 2] = s0, once, squared + noise * s0
+        found[:, 3] = s3 + moved * (s2 + twice + squared) + 3 * noise * once
         # E = exp(SΦ) = W exp(Rx) obeys E_x = S∫F dv
-        gauge = np.fft.irfft(cross_section * s0 / (growth + 1j * k), n=grid.nx, axis=1)
+        gauge = np.fft.irfft(cross_section * s0 / i_kappa, n=grid.nx, axis=1)
         moments = np.fft.irfft(found, n=grid.nx, axis=2) / gauge[:, None]
         moments *= mean / moments[:, :1].mean(axis=2, keepdims=True)
     if not ((gauge.min(axis=1) > 0).all() and np.isfinite(moments).all()):
