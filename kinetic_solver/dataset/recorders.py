@@ -98,7 +98,8 @@ class MemoryRecorder:
             if not times or times[-1] != time:
                 times.append(time)
             for name, value in values.items():
-                self._values.setdefault(name, []).append(np.array(value, dtype=float))
+                kept = value if isinstance(value, float) else np.array(value, dtype=float)
+                self._values.setdefault(name, []).append(kept)
 
     def close(self, stopped: str | None = None, report: Mapping[str, str] | None = None) -> None:
         self._status = STOPPED if stopped else FINISHED

@@ -9,7 +9,7 @@ m h + (v - m)(1 - e)/γ + noise. The two noises are jointly Gaussian (Uhlenbeck 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,8 +24,7 @@ OF_PSI = tuple((-1.0) ** n * (2.0 ** (n + 3) - 4.0) / math.factorial(n + 3) for 
 """Likewise in (2a - 3 + 4e^-a - e^-2a)/a³."""
 
 
-@dataclass(frozen=True)
-class Transition:
+class Transition(NamedTuple):
     """Statistics over one step h."""
 
     decay: float

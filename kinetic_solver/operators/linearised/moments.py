@@ -11,7 +11,7 @@ What is left are four sums over v for each k. Test: tests/exact/test_linearised_
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,9 +44,8 @@ def moments_after(
     `blurs`: F is blurred in x by Gaussians of these variances first. Spectrally accurate in dv and dx; round-off as in the
     global gauge. What noise damps below rounding is left out.
     """
-    steps = [transition(model, h) for h in times]
-    drift_times, shifts, spread = _columns((s.drift_time, s.displacement_shift, s.displacement_variance) for s in steps)
-    e, pushed, noise, covariance = _columns((s.decay, s.velocity_shift, s.velocity_variance, s.covariance) for s in steps)
+    # Of `Transition`, each (times, 1)
+    e, drift_times, pushed, shifts, noise, covariance, spread = np.array([transition(model, h) for h in times]).T[:, :, None]
     growth, k, v = cross_section * mean, grid.wavenumbers, grid.v
     damping = k**2 * (spread + np.array(blurs)[:, None]) / 2
     kept = np.sum(damping <= FADED, axis=1)
@@ -54,9 +53,9 @@ def moments_after(
         kept = np.minimum(kept, k.size - 1)  # the Nyquist cosine has no displacement on the grid
     powers = (v ** np.arange(MOMENTS)[:, None]).T
     with np.errstate(all="ignore"):
-        sums = np.zeros((len(steps), k.size, MOMENTS), dtype=np.complex128)
+        sums = np.zeros((len(times), k.size, MOMENTS), dtype=np.complex128)
         together = max(1, BLOCK // modes.size)
-        for first in range(0, len(steps), together):
+        for first in range(0, len(times), together):
             block = slice(first, first + together)
             count = int(kept[block].max())
             sums[block, :count] = _sums(modes[:count], k, v, powers, growth, drift_times[block])
@@ -68,7 +67,7 @@ def moments_after(
         # The moments of ev + moved, as in Pascal's triangle, and of the noise beside it
         once, twice = s1 + moved * s0, s2 + moved * s1
         squared = twice + moved * once
-        found = np.empty((len(steps), MOMENTS, k.size), dtype=np.complex128)
+        found = np.empty((len(times), MOMENTS, k.size), dtype=np.complex128)
         found[:, 0], found[:, 1], found[:, 2] = s0, once, squared + noise * s0
         found[:, 3] = s3 + moved * (s2 + twice + squared) + 3 * noise * once
         # E = exp(SΦ) = W exp(Rx) obeys E_x = S∫F dv
@@ -97,8 +96,3 @@ def _sums(
     shear *= modes
     weighted = np.exp(weight - weight.max(axis=1, keepdims=True))[:, :, None] * powers
     return np.asarray(shear @ weighted.astype(np.complex128))
-
-
-def _columns(of_times: Iterable[tuple[float, ...]]) -> Array:
-    """(numbers, times, 1) of a few numbers at each time."""
-    return np.array(list(of_times)).T[:, :, None]

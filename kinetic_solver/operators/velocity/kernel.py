@@ -23,7 +23,7 @@ def resolution(rtol: float) -> float:
 
 def resolved_spacing(model: Model, h: float, resolution: float = RESOLVED) -> float:
     """The largest dv at which the Gaussian kernel of a step h is integrated to the accuracy of `resolution` (0 without noise)."""
-    return float(np.sqrt(transition(model, h).velocity_variance)) / resolution
+    return math.sqrt(-model.noise * math.expm1(-2 * model.friction * h)) / resolution  # as `transition` has it
 
 
 def _erfc(x: Array) -> Array:
