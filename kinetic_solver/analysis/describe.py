@@ -173,12 +173,15 @@ def _frame(plan: Plan) -> str:
 def _how(plan: Plan) -> str:
     if plan.reference_frame.cooling > 0:
         return "cooling"
+    if plan.stepping == "homogeneous":
+        return "homogeneous"
     return plan.velocity if plan.velocity == "hermite" else plan.drift_diffusion
 
 
 _VELOCITIES = {
     "cooling": "points, which the frame spreads exactly",
     "hermite": "Hermite functions about the homogeneous state",
+    "homogeneous": "waves over (v - u)/s, which follow mean and width; seen at points",
     "kernel": "points, the exact Ornstein-Uhlenbeck kernel between them",
     "finite-volume-8": "points, finite volumes of order 8",
     "finite-volume": "points, positive finite volumes of order 2",

@@ -160,7 +160,7 @@ def _in_one_place(
     """Of a run of (12) in which nothing depends on x."""
     grid = homogeneous.velocity_grid(scales)
     chosen["velocity_window"] = chosen["nv"] = "all that f may come to, to round-off"
-    chosen["stepping"] = "nothing depends on x"
+    chosen["stepping"] = chosen["nx"] = "nothing depends on x"
     limits.of_velocities(grid.nv, "to hold the start, and the narrow state to which it relaxes")
     output, whole = output_grids(grid, frame, scales.times, scene)
     reasons = MappingProxyType({name: reason for name, reason in chosen.items() if reason})
