@@ -105,7 +105,7 @@ def _make_plan(scene: Scene, known: Mapping[str, str], law: CollisionLaw | None,
     shown = _velocities(scales, waves, velocity, in_v.Schemes(stepping, drift_diffusion, deposit, step), high - low)
     nv, chosen["nv"] = int(shown.value), chosen.get("nv", shown.reason)
     if choices.hermite_may_pay(scales):
-        functions = in_hermite.count(scales, waves)
+        functions = in_hermite.count(scales, waves, nv / measured.HERMITE_PAYS)
         if measured.HERMITE_PAYS * functions.value <= nv:
             velocity, nv, chosen["nv"] = "hermite", int(functions.value), functions.reason
     if velocity == "points" and inner.grid.nv is None:
