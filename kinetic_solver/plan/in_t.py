@@ -28,7 +28,7 @@ ERROR_SHARE = {True: 0.3, False: 0.4}
 """Of rtol, to the estimated errors of all steps together, with (6) and with (12). Chosen: the rest is the grid's."""
 MEMORY_TIME = 5.0
 """Relaxation times for which the errors of steps last with (6), and where nothing else forgets them: exp(-5) is left then."""
-STABLE = 5.0
+STABLE = 2.6
 """Step times collision frequency at the window's edge that the extrapolated Lawson method may take: its base method, two steps of
 which make one, is stable to 2.8. With up to 10 the error of a wave of 95 %, Sρ = 10, ε = 0.9, came to 2.7 rtol (1e-3) unseen."""
 MOST_GROWTH = 300.0
