@@ -39,6 +39,8 @@ class PhiTables:
     def __init__(self, matrices: Matrices) -> None:
         self.matrices = matrices
         self._norm = float(np.abs(matrices).sum(axis=1).max())
+        if not math.isfinite(self._norm):
+            raise ValueError("φ-functions of a matrix that is not finite")
         self._kept: OrderedDict[tuple[float, int], tuple[Matrices, Matrices, Matrices]] = OrderedDict()
         self._most = max(LEVELS, int(MOST_BYTES / (3 * matrices.nbytes)))
         self._lock = threading.Lock()

@@ -31,6 +31,7 @@ from kinetic_solver.stepping import (
     Stepper,
     embedded_lawson,
     krogstad,
+    largest,
 )
 
 LINEARISED_ROUND_OFF = 0.05
@@ -112,10 +113,25 @@ def make_stepper(plan: Plan, representation: Representation) -> Stepper:
 def _method(plan: Plan, representation: Representation) -> Embedded | Extrapolated:
     """Of steps under error control."""
     if plan.stepping == "exponential":
-        return Embedded(krogstad(_rate(plan), relaxation(plan)), measured.EXPONENTIAL_GAIN)
+        return Embedded(krogstad(_rate(plan), relaxation(plan)), measured.EXPONENTIAL_GAIN, _size(plan))
     if plan.scales.of_pairs:
-        return Embedded(embedded_lawson(representation.rate, representation.linear), measured.LAWSON_GAIN)
+        return Embedded(embedded_lawson(representation.rate, representation.linear), measured.LAWSON_GAIN, _size(plan))
     return _extrapolated(plan, representation)
+
+
+def _size(plan: Plan) -> Callable[[Array, Array], float]:
+    """Of an error beside f: that of f, or of ∫v²f dv about the mean velocity if that is larger, each over its maximum. What is
+    small beside f, but as wide as the window, is not small beside the temperature of a narrow f."""
+    if plan.velocity == "hermite":
+        return largest
+    v = plan.grid.v
+
+    def size(error: Array, f: Array) -> float:
+        along_v = f.sum(axis=0)
+        square = (v - along_v @ v / along_v.sum()) ** 2
+        return max(largest(error, f), largest(error @ square, f @ square))
+
+    return size
 
 
 def _extrapolated(plan: Plan, representation: Representation) -> Extrapolated:

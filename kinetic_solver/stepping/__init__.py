@@ -8,7 +8,7 @@ rates, in Lawson's variable or with an exponential (`krogstad`); and three stepp
 
 from kinetic_solver.stepping.controlled import Controlled, Fixed, Pace
 from kinetic_solver.stepping.drive import advance
-from kinetic_solver.stepping.embedded import Embedded, embedded_lawson
+from kinetic_solver.stepping.embedded import Embedded, embedded_lawson, largest
 from kinetic_solver.stepping.exact_steps import Chain, ExactStep, ExactSteps, Link, Plain
 from kinetic_solver.stepping.exponential import krogstad
 from kinetic_solver.stepping.methods import Extrapolated, lawson, strang
@@ -37,6 +37,7 @@ __all__ = [
     "count_of",
     "embedded_lawson",
     "krogstad",
+    "largest",
     "lawson",
     "strang",
 ]

@@ -20,41 +20,49 @@ twenty-two scenes of benchmarks/random_scenes.py lie within a factor of 2 of wha
 
 
 class Taken(NamedTuple):
-    """A step, and two signs of its error: both are largest numbers of arrays like f."""
+    """A step, and two signs of its error, of the shape of f."""
 
     state: Array
     rate: Array
     """That of the new state."""
-    lower: float
+    lower: Array
     """What a result of order 3 differs by: how much rates depend on the stages."""
-    curvature: float
+    curvature: Array
     """What rates bend by on the way: how much they depend on time, where they hardly depend on the stages."""
 
 
+Size = Callable[[Array, Array], float]
+"""(error, f) → how large it is beside f."""
 OneStep = Callable[[Array, float, Array | None, Integral | None], Taken]
 """(f, h, rate of f if it is known, what stages are to be added to)."""
+
+
+def largest(error: Array, f: Array) -> float:
+    """max|error| over max|f|."""
+    return float(np.abs(error).max() / np.abs(f).max())
 
 
 class Embedded:
     """A method of order 4 with an estimate of its own error.
 
-    Both signs belong to lower orders. A step in which they are a and c, over max f, errs by about G hypot(a, c/10)^(5/4), the
-    power with which an error of order 5 falls beside one of order 4. Tests: tests/convergence/test_stepping.py.
+    Both signs belong to lower orders. A step in which their sizes are a and c errs by about G hypot(a, c/10)^(5/4), the power
+    with which an error of order 5 falls beside one of order 4. Tests: tests/convergence/test_stepping.py.
     """
 
     order, error_order = 4, 4
 
-    def __init__(self, one: OneStep, gain: float) -> None:
+    def __init__(self, one: OneStep, gain: float, size: Size = largest) -> None:
         """`gain` is G."""
         self.one = one
         self.gain = gain
+        self.size = size
 
     def onward(self, f: Array, h: float, integral: Integral | None = None, known: Array | None = None) -> tuple[Array, float, Array]:
-        """(f after h, the estimated max|error|, the rate there); `known` is the rate of f, from the step before."""
+        """(f after h, the estimated error, of the size of max|f| where that is 1; the rate there). `known`: that of f, from the
+        step before."""
         taken = self.one(f, h, known, integral)
-        top = float(np.abs(f).max())
-        sign = math.hypot(taken.lower, OF_CURVATURE * taken.curvature) / top
-        return taken.state, self.gain * top * sign ** ((self.order + 1) / self.order), taken.rate
+        sign = math.hypot(self.size(taken.lower, f), OF_CURVATURE * self.size(taken.curvature, f))
+        return taken.state, self.gain * float(np.abs(f).max()) * sign ** ((self.order + 1) / self.order), taken.rate
 
 
 def embedded_lawson(rate: Rate, linear: Substep) -> OneStep:
@@ -80,10 +88,6 @@ def embedded_lawson(rate: Rate, linear: Substep) -> OneStep:
         new = linear(half + h / 6 * k1 + h / 3 * middle, h / 2) + h / 6 * k4
         last = rate(new)
         bend = linear(k1 - middle, h / 2) + k4
-        return Taken(new, last, LATER * h / 6 * largest(last - k4), h / 6 * largest(bend))
+        return Taken(new, last, LATER * h / 6 * (last - k4), h / 6 * bend)
 
     return one
-
-
-def largest(values: Array) -> float:
-    return float(np.abs(values).max())

@@ -7,18 +7,23 @@ from typing import Any, Protocol
 import numpy as np
 
 from kinetic_solver.arrays import Array
-from kinetic_solver.stepping.embedded import LATER, OneStep, Taken, largest
+from kinetic_solver.stepping.embedded import LATER, OneStep, Taken
 from kinetic_solver.stepping.protocol import Integral, Rate
 
 
 class LinearPart(Protocol):
-    """f' = Mf + remainder, with states as modes of which each has a matrix of its own; `rate` is what the method is given."""
+    """f' = Mf + remainder in a frame of its own, with states as modes of which each has a matrix of its own; `rate` is what the
+    method is given, and the same in every frame."""
 
     def forward(self, f: Array) -> Any:
         """The modes of f, (modes, n)."""
         ...
 
     def inverse(self, modes: Any) -> Array: ...
+
+    def moved(self, modes: Any, time: float) -> Any:
+        """From that frame, after this time, to the one in which f is given."""
+        ...
 
     def remainder(self, f: Array, rate: Array) -> Any:
         """Modes of the rest of f', the rate of f being known."""
@@ -65,10 +70,10 @@ def krogstad(rate: Rate, linear: LinearPart) -> OneStep:
         n4 = rest(linear.inverse(c + 2 * h * _product(phi2, n3 - n1)), 1 / 6, 1.0)
         middle = n2 + n3
         bend = h * curved(n1 - middle + n4)
-        new = linear.inverse(c + h * _product(phi2, middle - 2 * n1) + bend)
+        new = linear.inverse(linear.moved(c + h * _product(phi2, middle - 2 * n1) + bend, h))
         last = rate(new)
-        lower = LATER * h * curved(linear.remainder(new, last) - n4)
-        return Taken(new, last, largest(linear.inverse(lower)), largest(linear.inverse(bend)))
+        lower = LATER * h * curved(linear.moved(linear.remainder(new, last), -h) - n4)
+        return Taken(new, last, linear.inverse(lower), linear.inverse(bend))
 
     return one
 
