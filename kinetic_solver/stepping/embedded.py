@@ -57,7 +57,9 @@ class Embedded:
         self.gain = gain
         self.size = size
 
-    def onward(self, f: Array, h: float, integral: Integral | None = None, known: Array | None = None) -> tuple[Array, float, Array]:
+    def onward(
+        self, f: Array, h: float, integral: Integral | None = None, known: Array | None = None
+    ) -> tuple[Array, float, Array]:
         """(f after h, the estimated error, of the size of max|f| where that is 1; the rate there). `known`: that of f, from the
         step before."""
         taken = self.one(f, h, known, integral)
