@@ -5,9 +5,9 @@ Per wavenumber k of f's Fourier series in x, δf_t = M_k δf with
     M_k = -ik(v - u_h) + drift and diffusion + C'[f_h],
 
 a dense matrix over the velocity points, in the frame of the mean velocity u_h: seen from any other the remainder would turn with
-every wave that passes. What a step makes in that frame is moved on by u_h h. Drift and diffusion are the spectral derivatives of which the kernel's band-limited form
-(operators/velocity/kernel.py) is the exponential; C' is that of the very quadrature that steps f, so the remainder
-C[f] - C'[f_h] f has no linear part at f_h. Columns of M_0 sum to zero: mass is kept.
+every wave that passes. What a step makes in that frame is moved on by u_h h. Drift and diffusion are the spectral derivatives of
+which the kernel's band-limited form (operators/velocity/kernel.py) is the exponential; C' is that of the very quadrature that
+steps f, so the remainder C[f] - C'[f_h] f has no linear part at f_h. Columns of M_0 sum to zero: mass is kept.
 Tests: tests/invariants/test_relaxation.py.
 """
 

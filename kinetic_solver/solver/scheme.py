@@ -47,8 +47,9 @@ STRANG_COUNTS, LAWSON_COUNTS = (1, 2, 3, 4), (1, 2)
 
 
 ADDING = 0.5
-"""The power of their number with which errors of steps add up that collisions of pairs have not yet forgotten: those of neighbours
-are hardly alike. benchmarks/steps_error.py: with 1/2 errors lie within a factor 2.1 of each other, with 1 2.4."""
+"""The power of their number with which errors of steps add up that collisions of pairs have not yet forgotten: those of
+neighbours are hardly alike. benchmarks/steps_error.py: with 1/2 errors scatter by a factor of 2.1 from scene to scene, with 1 by
+2.4."""
 
 
 @dataclass(frozen=True)

@@ -51,6 +51,19 @@ def test_phi_functions(h: float) -> None:
             assert np.abs(ours - theirs).max() < 1e-12 * np.abs(theirs).max()
 
 
+def test_rounding_does_not_grow_as_lengths_double() -> None:
+    """A step of 2/γ, |hM| = 7e3: to 1e-12, as by another method."""
+    matrix = generators(nx=1, nv=144).at_rest
+    found = PhiTables(matrix[None]).get(2.5)
+    for ours, theirs in zip(found, by_augmented_exponential(2.5 * matrix), strict=True):
+        assert np.abs(ours[0] - theirs).max() < 1e-11 * np.abs(theirs).max()
+
+
+def test_a_matrix_that_is_not_finite_is_refused() -> None:
+    with pytest.raises(ValueError, match="not finite"):
+        PhiTables(np.full((1, 3, 3), math.nan))
+
+
 def test_tables_do_not_depend_on_what_was_asked_before() -> None:
     matrices = generators().tables.matrices
     one, other = PhiTables(matrices), PhiTables(matrices)
