@@ -22,11 +22,11 @@ MOST_TABLES = 4e8
 """Bytes of the tables of three step lengths, beyond which it is not considered. Chosen."""
 SHARED = 0.4
 """Of the tables' cost that is counted: later runs of the process find them. Chosen."""
-TABLE_SECONDS = 1.1e-8
-"""Of all tables of a run, over nx/2·nv³. Measured like all seconds here on one core of an AMD EPYC, with seeds 0 to 43 of
-benchmarks/random_scenes.py at rtol 1e-3 to 1e-5 and the scenes of benchmarks/against.py, 25 × 23 to 105 × 124 points: within a
-factor of 1.6 for tables, 1.2 for steps; only their ratios matter."""
-LAWSON_STEP, EXPONENTIAL_STEP = (6.8e-10, 2.6e-7, 1.9e-4), (4.8e-9, 1.8e-7, 1.8e-4)
+TABLE_SECONDS = 2.4e-8
+"""Of all tables of a run, over nx/2·nv³, where the machine's pace (cost.py) is 1. Measured like all seconds here with seeds 0 to
+43 of benchmarks/random_scenes.py at rtol 1e-3 to 1e-5 and the scenes of benchmarks/against.py, 25 × 23 to 105 × 124 points:
+within a factor of 1.6 for tables, 1.2 for steps. Between methods only their ratios matter."""
+LAWSON_STEP, EXPONENTIAL_STEP = (1.5e-9, 5.7e-7, 4.2e-4), (1.06e-8, 4.0e-7, 4.0e-4)
 """Seconds of a step: over nx·nv², over nx·nv, and of its calls."""
 STARTING, RELAXING, BY_RTOL, BY_RATE, ACTIVE, LATER = 2.5, 2.0, 0.22, 0.4, 2.0, 0.6
 """The exponential method takes about (a + b |ln θ0/θ_h|)(1e-3/rtol)^p (Λ min(t, d/γ))^q + e γt steps, tries included; measured on
