@@ -1,6 +1,6 @@
 """φ-functions of matrices, for exponential integrators: tables for step lengths that are one another's doubles.
 
-φ_0 = exp, φ_(n+1)(z) = [φ_n(z) - 1/n!]/z. Scaling and squaring: a Taylor polynomial where |hM| < 1, then doublings
+φ_0 = exp, φ_(n+1)(z) = [φ_n(z) - 1/n!]/z. Scaling and squaring: a Taylor polynomial where |hM| < 4, then doublings
 (L. A. Skaflestad and W. M. Wright 2009),
 
     φ_n(2z) = 2^(-n) [exp(z) φ_n(z) + Σ_(j=1)^n φ_j(z)/(n - j)!],
@@ -24,8 +24,9 @@ Matrices = NDArray[np.complex128] | NDArray[np.float64]
 Functions = tuple[Matrices, Matrices, Matrices, Matrices]
 """exp, φ_1, φ_2, φ_3."""
 
-DEGREE = 15
-"""Of the Taylor polynomial of φ_3: 1/19! = 8e-18, where |z| ≤ 1. It is evaluated in powers of z⁴."""
+DEGREE, REACH = 27, 4.0
+"""Of the Taylor polynomial of φ_3, and the |z| up to which it serves: the first term left out is 4^28/31! = 9e-18. It is evaluated
+in powers of z⁴, which costs less than the doublings from a shorter length."""
 DIGITS = 40
 """Binary digits of a step length's mantissa that count: lengths that differ by rounding, 1e-12, have one table."""
 LEVELS = 2
@@ -59,7 +60,7 @@ class PhiTables:
     def _get(self, mantissa: float, exponent: int) -> Functions:
         key = (mantissa, exponent)
         if key not in self._kept:
-            first = math.floor(-math.log2(max(self._norm * mantissa, 1e-300)))
+            first = math.floor(-math.log2(max(self._norm * mantissa / REACH, 1e-300)))
             self._kept[key] = self._taylor(mantissa * 2.0**exponent) if exponent <= first else self._doubled(mantissa, exponent)
             if len(self._kept) > self._most:
                 self._kept.popitem(last=False)
