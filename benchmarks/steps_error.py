@@ -1,9 +1,9 @@
 """Errors in time of runs with operator (12), on the scenes of random_scenes.py: what their steps make of what rtol allows.
 
 The grid is the plan's, and stays; the truth is the same grid at steps so short that they have no error. For Lawson's method and
-the exponential one: seconds, and the largest error of f and of θ over rtol times their maxima at four times. It should be below 1,
-for the grid errs too, and above 0.05, or steps are wasted. Prints a table and how many lie between, of the method that the plan
-chooses as well, and fails where an error exceeds 1.
+the exponential one: seconds, and the largest error of f and of θ over rtol times their maxima at four times. It should be below
+1, for the grid errs too, and above 0.05, or steps are wasted. Prints a table and how many lie between, of the method that the
+plan chooses as well, and fails where an error exceeds 1.
 """
 
 from __future__ import annotations

@@ -25,8 +25,8 @@ Functions = tuple[Matrices, Matrices, Matrices, Matrices]
 """exp, φ_1, φ_2, φ_3."""
 
 DEGREE, REACH = 27, 4.0
-"""Of the Taylor polynomial of φ_3, and the |z| up to which it serves: the first term left out is 4^28/31! = 9e-18. It is evaluated
-in powers of z⁴, which costs less than the doublings from a shorter length."""
+"""Of the Taylor polynomial of φ_3, and the |z| up to which it serves: the first term left out is 4^28/31! = 9e-18. It is
+evaluated in powers of z⁴, which costs less than the doublings from a shorter length."""
 DIGITS = 40
 """Binary digits of a step length's mantissa that count: lengths that differ by rounding, 1e-12, have one table."""
 LEVELS = 2
