@@ -45,6 +45,7 @@ class PhiTables:
         self.matrices = matrices
         self._norm = float(np.abs(matrices).sum(axis=1).max())
         if not math.isfinite(self._norm):
+            # a programming error: operators/relaxation.py has looked
             raise ValueError("φ-functions of a matrix that is not finite")
         self._kept: OrderedDict[tuple[float, int], Functions] = OrderedDict()
         self._most = max(LEVELS, int(MOST_BYTES / (4 * matrices.nbytes)))

@@ -86,4 +86,4 @@ t = 1/2: 6e-5 on 567 points, 2e-4 on 1125. benchmarks/accuracy_rules.py."""
 
 HERMITE_PAYS = 3
 """How many times fewer Hermite functions than velocity points pay with (12): at rtol = 1e-8 with a fifth as many, 7 to 9 times
-faster; at 1e-6 with half as many hardly. docs/accuracy.md, rules for the velocity."""
+faster; at 1e-6 with half as many hardly. docs/rules.md, rules for the velocity."""

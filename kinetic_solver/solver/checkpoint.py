@@ -14,16 +14,18 @@ from typing import Any
 
 from kinetic_solver.errors import SolverStopped
 from kinetic_solver.grid import PhaseSpaceGrid
+from kinetic_solver.operators.homogeneous import Shape
 from kinetic_solver.operators.linearised import GridLinearisedStep, HermiteLinearisedStep, Lifted
 from kinetic_solver.plan import Plan
 from kinetic_solver.solver.adaptation import History
 from kinetic_solver.solver.budgets import Mark
+from kinetic_solver.solver.homogeneous import Place
 from kinetic_solver.solver.loop import Good, March
 from kinetic_solver.solver.observation import Observation
 from kinetic_solver.solver.scheme import Scheme, assemble
 from kinetic_solver.stepping import Chain, ExactSteps, Link, Pace
 
-TYPES = (Chain, History, Lifted, Link, Mark, Pace, PhaseSpaceGrid)
+TYPES = (Chain, History, Lifted, Link, Mark, Pace, PhaseSpaceGrid, Place, Shape)
 """The dataclasses that a snapshot holds."""
 
 

@@ -3,10 +3,11 @@
 Two base methods, `strang` for collisions that have an exact substep and `lawson` for those that only have a rate;
 `Extrapolated`, which raises a base method's order and estimates its error; `Embedded`, which estimates it without more rates, in
 Lawson's variable or with an exponential (`krogstad`); and three steppers that fill an interval with steps: `Controlled`, `Fixed`
-and `ExactSteps`. Why these: docs/performance.md.
+and `ExactSteps`; `integrate` is for systems of ordinary differential equations. Why these: docs/performance.md.
 """
 
 from kinetic_solver.stepping.controlled import Controlled, Fixed, Pace
+from kinetic_solver.stepping.differential import integrate
 from kinetic_solver.stepping.drive import advance
 from kinetic_solver.stepping.embedded import Embedded, OneStep, embedded_lawson, largest
 from kinetic_solver.stepping.exact_steps import Chain, ExactStep, ExactSteps, Link, Plain
@@ -37,6 +38,7 @@ __all__ = [
     "advance",
     "count_of",
     "embedded_lawson",
+    "integrate",
     "krogstad",
     "largest",
     "lawson",
