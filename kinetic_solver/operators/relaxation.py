@@ -32,8 +32,8 @@ class Generators:
     """M_k for every wavenumber of the grid, and their tables; no state, so that runs may share it."""
 
     def __init__(self, grid: PhaseSpaceGrid, model: Model, operator: CollisionRate, homogeneous: Array) -> None:
-        """`homogeneous` is f_h (nv,) at the grid's velocities; the operator's rate must be quadratic in f. Raises SolverStopped where
-        what follows is not finite."""
+        """`homogeneous` is f_h (nv,) at the grid's velocities; the operator's rate must be quadratic in f. Raises SolverStopped
+        where what follows is not finite."""
         self.grid = grid
         self.homogeneous = homogeneous
         self.collisions = quadratic_derivative(operator, homogeneous)
@@ -44,8 +44,8 @@ class Generators:
         at_rest -= np.outer(self.share, at_rest.sum(axis=0))
         if not np.isfinite(at_rest).all():
             raise SolverStopped(
-                f"the relaxation to the homogeneous state is not finite on {grid.nv} velocities in [{grid.low:g}, {grid.high:g}]; "
-                "choose grid.stepping = 'extrapolated', which does without it"
+                f"the relaxation to the homogeneous state is not finite on {grid.nv} velocities in [{grid.low:g}, "
+                f"{grid.high:g}]; choose grid.stepping = 'extrapolated', which does without it"
             )
         self.at_rest = at_rest
         k = grid.wavenumbers.copy()
