@@ -90,34 +90,33 @@ def assemble(plan: Plan) -> Scheme:
 
 def make_stepper(plan: Plan, representation: Representation) -> Stepper:
     """The stepper that the plan names."""
-    scene, rtol = plan.inner, plan.inner.accuracy.rtol
     longest = math.inf if plan.time_step is None else plan.time_step
     if plan.stepping == "homogeneous":
         return HomogeneousSteps(plan)
     if plan.law is None:
         return ExactSteps(Plain(representation.linear), longest)
+    if plan.stepping == "exact":
+        return _exact_steps(plan, representation, longest)
     if plan.stepping == "strang":
         assert plan.time_step is not None
         return Fixed(Extrapolated(representation.split()), plan.time_step)
-    share = plan.error_share * rtol / plan.memory_time
+    given, watched = plan.inner.grid.time_step, watched_by(plan, representation)
+    if given is not None:
+        return Fixed(_extrapolated(plan, representation), given, watched)
+    method, limits = _method(plan, representation), (plan.first_step, plan.memory_time, _stable(plan))
+    if not plan.scales.of_pairs:
+        return Controlled(method, _tolerance(plan), longest, watched, *limits)
+    return Controlled(method, _tolerance(plan), longest, watched, *limits, ADDING, plan.stepping != "exponential")
 
-    def tolerance(f: Array) -> float:
-        return share * float(np.abs(f).max())
 
-    if plan.integrates or plan.stepping == "extrapolated":
-        given, watched = scene.grid.time_step, watched_by(plan, representation)
-        if given is not None:
-            return Fixed(_extrapolated(plan, representation), given, watched)
-        method, limits = _method(plan, representation), (plan.first_step, plan.memory_time, _stable(plan))
-        if not plan.scales.of_pairs:
-            return Controlled(method, tolerance, longest, watched, *limits)
-        return Controlled(method, tolerance, longest, watched, *limits, ADDING, plan.stepping != "exponential")
-    step = representation.linearised(LINEARISED_ROUND_OFF * rtol)
+def _exact_steps(plan: Plan, representation: Representation, longest: float) -> Stepper:
+    scene = plan.inner
+    step = representation.linearised(LINEARISED_ROUND_OFF * scene.accuracy.rtol)
     aside = in_t.shortest_exact_step(plan.scales, plan.waves, plan.grid, RESOLVED) if plan.shortest_step > 0 else 0.0
     early = Early(plan) if plan.shortest_step > 0 and scene.initial.file is None else None
     # Where nx is open, a finer grid is the better way out of a step that loses its accuracy; but not of a jump.
     given = scene.grid.nx is not None or plan.waves.products_of_a_step
-    fallback = Controlled(_extrapolated(plan, representation), tolerance) if given else None
+    fallback = Controlled(_extrapolated(plan, representation), _tolerance(plan)) if given else None
     start = representation.lifted_start(step)
     return ExactSteps(step, longest, plan.shortest_step, min(aside, longest), early, fallback, start, plan.waves.blur)
 
@@ -152,6 +151,12 @@ def _size(plan: Plan) -> Callable[[Array, Array], float]:
 def _extrapolated(plan: Plan, representation: Representation) -> Extrapolated:
     counts = STRANG_COUNTS if plan.symmetric else LAWSON_COUNTS
     return Extrapolated(representation.split(), counts, None if plan.symmetric else measured.EXTRAPOLATED_GAIN)
+
+
+def _tolerance(plan: Plan) -> Callable[[Array], float]:
+    """Of a state, the error that its steps may make in a unit of time."""
+    share = plan.error_share * plan.inner.accuracy.rtol / plan.memory_time
+    return lambda f: share * float(np.abs(f).max())
 
 
 def _stable(plan: Plan) -> Callable[[Array], float]:
