@@ -46,7 +46,9 @@ class ErrorEstimate:
     def __init__(self, plan: Plan) -> None:
         scales = plan.scales
         self._of_steps = 0.0
-        self._amplified, self._amplifies = in_t.amplified_error(scales), scales.amplifies
+        model = plan.inner.model
+        self._amplified = in_t.amplified_error(scales)
+        self._sums = scales.amplifies or model.friction <= 0 or model.noise == 0  # scheme.adding
         if plan.stepping == "strang" and plan.time_step is not None:
             self._of_steps = in_t.strang_error(scales, plan.waves, plan.time_step)
         self._lost = plan.waves.beyond(plan.grid.nx) + in_x.error_of_step_products(scales, plan.waves, plan.grid.nx)
@@ -57,7 +59,7 @@ class ErrorEstimate:
         if seen.plan.stepping in ("extrapolated", "exponential", "homogeneous"):
             kept = math.exp(-seen.length / seen.plan.memory_time) * self._of_steps
             error = self._amplified * seen.error / float(np.abs(seen.f).max())
-            self._of_steps = kept + error if self._amplifies else math.hypot(kept, error)
+            self._of_steps = kept + error if self._sums else math.hypot(kept, error)
 
     def parts(self, seen: Observation, diagnostics: dict[str, float]) -> dict[str, float]:
         """All parts, and `error_estimate`, their sum."""

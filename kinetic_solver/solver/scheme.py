@@ -106,7 +106,13 @@ def make_stepper(plan: Plan, representation: Representation) -> Stepper:
     method, limits = _method(plan, representation), (plan.first_step, plan.memory_time, _stable(plan))
     if not plan.scales.of_pairs:
         return Controlled(method, _tolerance(plan), longest, watched, *limits)
-    return Controlled(method, _tolerance(plan), longest, watched, *limits, ADDING, plan.stepping != "exponential")
+    return Controlled(method, _tolerance(plan), longest, watched, *limits, adding(plan), plan.stepping != "exponential")
+
+
+def adding(plan: Plan) -> float:
+    """ADDING where pairs, friction and noise forget errors; else 1: what a cooling gas keeps has one sign."""
+    model = plan.inner.model
+    return ADDING if plan.scales.of_pairs and model.friction > 0 and model.noise > 0 else 1.0
 
 
 def _exact_steps(plan: Plan, representation: Representation, longest: float) -> Stepper:
