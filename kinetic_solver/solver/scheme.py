@@ -132,11 +132,11 @@ def _method(plan: Plan, representation: Representation) -> Embedded | Extrapolat
     law = plan.law
     if not plan.scales.of_pairs or law is None:
         return _extrapolated(plan, representation)
-    # Signs and error are both proportional to what collisions do, of which the estimate takes the power 5/4.
-    weak = max(law.dissipation, NEARLY_ELASTIC) ** -0.25
     if plan.stepping == "exponential":
+        # Signs and error are both proportional to what collisions do, of which the estimate takes the power 5/4.
+        weak = max(law.dissipation, NEARLY_ELASTIC) ** -0.25
         return Embedded(krogstad(_rate(plan), relaxation(plan)), weak * measured.EXPONENTIAL_GAIN, _size(plan))
-    return Embedded(embedded_lawson(representation.rate, representation.linear), weak * measured.LAWSON_GAIN, _size(plan))
+    return Embedded(embedded_lawson(representation.rate, representation.linear), measured.LAWSON_GAIN, _size(plan))
 
 
 def _size(plan: Plan) -> Callable[[Array, Array], float]:
