@@ -2,11 +2,12 @@
 
 Per wavenumber k of f's Fourier series in x, δf_t = M_k δf with
 
-    M_k = -ikv + drift and diffusion + C'[f_h],
+    M_k = -ik(v - u_h) + drift and diffusion + C'[f_h],
 
-a dense matrix over the velocity points. Drift and diffusion are the spectral derivatives of which the kernel's band-limited form
-(operators/velocity/kernel.py) is the exponential; C' is that of the very quadrature that steps f, so the remainder
-C[f] - C'[f_h] f has no linear part at f_h. Columns of M_0 sum to zero: mass is kept.
+a dense matrix over the velocity points, in the frame of the mean velocity u_h: seen from any other the remainder would turn with
+every wave that passes. What a step makes in that frame is moved on by u_h h. Drift and diffusion are the spectral derivatives of
+which the kernel's band-limited form (operators/velocity/kernel.py) is the exponential; C' is that of the very quadrature that
+steps f, so the remainder C[f] - C'[f_h] f has no linear part at f_h. Columns of M_0 sum to zero: mass is kept.
 Tests: tests/invariants/test_relaxation.py.
 """
 
@@ -16,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinetic_solver.arrays import Array
+from kinetic_solver.errors import SolverStopped
 from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.operators.collisions.protocol import CollisionRate
 from kinetic_solver.operators.fourier import RealTransform
@@ -30,7 +32,8 @@ class Generators:
     """M_k for every wavenumber of the grid, and their tables; no state, so that runs may share it."""
 
     def __init__(self, grid: PhaseSpaceGrid, model: Model, operator: CollisionRate, homogeneous: Array) -> None:
-        """`homogeneous` is f_h (nv,) at the grid's velocities; the operator's rate must be quadratic in f."""
+        """`homogeneous` is f_h (nv,) at the grid's velocities; the operator's rate must be quadratic in f. Raises SolverStopped
+        where what follows is not finite."""
         self.grid = grid
         self.homogeneous = homogeneous
         self.collisions = quadratic_derivative(operator, homogeneous)
@@ -39,12 +42,20 @@ class Generators:
         self.share = share / share.sum()
         """Of a mass that rounding makes, at each velocity."""
         at_rest -= np.outer(self.share, at_rest.sum(axis=0))
+        if not np.isfinite(at_rest).all():
+            raise SolverStopped(
+                f"the relaxation to the homogeneous state is not finite on {grid.nv} velocities in [{grid.low:g}, "
+                f"{grid.high:g}]; choose grid.stepping = 'extrapolated', which does without it"
+            )
         self.at_rest = at_rest
         k = grid.wavenumbers.copy()
         if grid.nx % 2 == 0:
             k[-1] = 0.0  # the Nyquist mode is a cosine alone, which transport cannot turn (operators/transport.py)
-        self.transport = -1j * np.outer(k, grid.v)
-        """-ikv, (nx//2 + 1, nv)."""
+        speed = model.gravity / model.friction
+        self.transport = -1j * np.outer(k, grid.v - speed)
+        """-ik(v - u_h), (nx//2 + 1, nv)."""
+        self.passing = -1j * k * speed
+        """-iku_h, (nx//2 + 1,)."""
         matrices: Matrices = at_rest[None]
         if grid.nx > 1:
             matrices = np.repeat(at_rest[None].astype(complex), k.size, axis=0)
@@ -76,12 +87,18 @@ class Relaxation:
         self._transform.spectrum[:] = modes
         return self._transform.inverse()
 
+    def moved(self, modes: Modes, time: float) -> Modes:
+        """Moved on by u_h times this time."""
+        if self._transform is None:
+            return modes
+        return np.asarray(modes * np.exp(time * self.generators.passing)[:, None])
+
     def remainder(self, f: Array, rate: Array) -> Modes:
         """Modes of C[f] - C'[f_h] f, the rate being C[f]."""
         return self.forward(rate - f @ self._collisions_t)
 
     def whole(self, modes: Modes, remainder: Modes) -> Modes:
-        """∂f/∂t: M f and the remainder. What rounding makes of its mass is taken out."""
+        """∂f/∂t in the frame of u_h: M f and the remainder. What rounding makes of its mass is taken out."""
         if self._transform is None:
             whole = modes @ self._at_rest_t + remainder
         else:

@@ -31,7 +31,7 @@ PAIR = {"linear": 0.7e-9, "cubic": 0.9e-9, "quintic": 1.2e-9}
 """Seconds for a pair of velocity points (python -m benchmarks.collision_operator)."""
 LOOK = 1e-7
 """Seconds a point, to make an observation of a state and to judge it: moments, waves, edges."""
-CALLS = {"exact": 1e-3, "strang": 1e-3, "extrapolated": 2.5e-3}
+CALLS = {"exact": 1e-3, "strang": 1e-3, "extrapolated": 2.5e-3, "embedded": 7e-4}
 """Seconds of a step that do not depend on its size: tens of calls of NumPy, hundreds where steps are extrapolated."""
 PLANNING = 1.8e-2
 """Seconds of planning and of making the dataset."""
@@ -39,6 +39,8 @@ FRAME, WRITTEN = 5e-4, 1e-8
 """Seconds of a frame, and of a value of f in it: interpolated and written."""
 EVALUATIONS = 12
 """Rates, and linear half steps, in a step of Lawson's method with 1 and 2 steps."""
+EMBEDDED_EVALUATIONS = 4.5
+"""Likewise in one with an embedded estimate: four rates, five linear half steps."""
 STRANG_SUBSTEPS = 10
 """Of an extrapolated Strang step, 1 + 2 + 3 + 4."""
 LENGTHS = 4
@@ -101,11 +103,13 @@ def _stepping(plan: Plan) -> float:
     if plan.stepping == "homogeneous":
         return homogeneous.seconds(plan.scales)
     if plan.stepping == "exponential":
-        return relaxing.exponential_seconds(plan.scales, plan.grid, shared=1.0) + steps * (CALLS["extrapolated"] + points * LOOK)
+        seconds = relaxing.exponential_seconds(plan.scales, plan.waves, plan.grid, shared=1.0)
+        return seconds + steps * (CALLS["embedded"] + points * LOOK)
     product, transform = points * nv * PRODUCT, points * TRANSFORM * max(1.0, math.log2(max(nx, 2)) / 6)
     kernel = nv**2 * ELEMENT * (1 if nv**2 < IN_CACHE else BEYOND)
     tables = kernel + points * ELEMENT + (_squarings(plan) * nv**3 * PRODUCT if plan.drift_diffusion != "kernel" else 0.0)
-    look = CALLS[plan.stepping] + points * LOOK
+    embedded = plan.controlled and plan.scales.of_pairs
+    look = CALLS["embedded" if embedded else plan.stepping] + points * LOOK
     if plan.velocity == "hermite":
         # A propagator for every wave, applied as complex products; C_n is a quarter of count³ multiplications a place.
         linear = 4 * (nx // 2 + 1) * nv**2 * PRODUCT + 2 * transform
@@ -120,7 +124,8 @@ def _stepping(plan: Plan) -> float:
         substeps = 1 if plan.stepping == "strang" else STRANG_SUBSTEPS
         each = linear + points * ELEMENT
         return steps * (substeps * each + look) + LENGTHS * tables
-    each = (linear + rate + points * TRANSFORM) * (2 if plan.stepping == "strang" else EVALUATIONS)
+    evaluations = 2 if plan.stepping == "strang" else EMBEDDED_EVALUATIONS if embedded else EVALUATIONS
+    each = (linear + rate + points * TRANSFORM) * evaluations
     # The estimate of what dv makes of the rate compares it with that on twice the points.
     return steps * (each + look) + LENGTHS * tables + (4 * rate + look) * (steps / 10 + len(plan.times))
 

@@ -28,6 +28,8 @@ GIVEN_PLACES = 128
 """Along x, at which the functions in an f(x, v) that was given are counted. Chosen."""
 SPARE = 8
 """More, watched by the run: the last of them say whether there are enough."""
+LOOKED_BEYOND = 3
+"""How many times the functions that would pay are looked at, in case some in between happen to vanish. Chosen."""
 ROUNDING = 1e-8
 """Coefficients of an eigenmode of (12) below it are rounding, which `points_for_coefficients` lifts up to 3e-9."""
 CLOSED_FORM_REACH, TABULATED_REACH = 6.0, 8.5
@@ -35,13 +37,18 @@ CLOSED_FORM_REACH, TABULATED_REACH = 6.0, 8.5
 second, with (12), where beyond it there is nothing but rounding."""
 
 
-def count(scales: Scales, waves: Waves) -> Criterion:
+def count(scales: Scales, waves: Waves, most: float = math.inf) -> Criterion:
     """Functions that hold the start, and the waves in v that free motion makes of its waves in x.
 
-    Where they are more than there can be, infinitely many; raises SceneError if grid.velocity asks for them.
+    Where they are more than there can be, infinitely many; raises SceneError if grid.velocity asks for them. With `most`
+    infinitely many as well where they are seen to be more.
     """
     sigma = scales.scene.model.noise
-    n = _of_the_start(scales)
+    if math.ceil(MORE_WITH_COLLISIONS[1]) + SPARE > most and scales.law is not None:
+        return Criterion(math.inf, "")
+    n = _of_the_start(scales, int(min(MOST_FUNCTIONS, LOOKED_BEYOND * most)))
+    if n > most:
+        return Criterion(math.inf, "")
     if n >= MOST_FUNCTIONS - ROOM:
         if scales.scene.grid.velocity != "hermite":
             return Criterion(math.inf, "")
@@ -86,10 +93,10 @@ def points_for_coefficients(scene: Scene, basis: HermiteBasis, mean_velocity: fl
     return mean_velocity + reach * np.linspace(-1, 1, 2 * points + 1)
 
 
-def _of_the_start(scales: Scales) -> int:
-    """The highest function that counts in the start."""
+def _of_the_start(scales: Scales, functions: int) -> int:
+    """The highest of the first functions that counts in the start."""
     scene, start = scales.scene, scales.start
-    basis = basis_of(scene, MOST_FUNCTIONS)
+    basis = basis_of(scene, functions)
     if start.gaussian or scene.initial.eigenmodes or scene.initial.file is not None:
         spread = np.abs(sum_of_gaussians(basis, start.gaussians(scales.x), np.ones(POINTS))).max(axis=0)
     else:

@@ -28,9 +28,11 @@ ERROR_SHARE = {True: 0.3, False: 0.4}
 """Of rtol, to the estimated errors of all steps together, with (6) and with (12). Chosen: the rest is the grid's."""
 MEMORY_TIME = 5.0
 """Relaxation times for which the errors of steps last with (6), and where nothing else forgets them: exp(-5) is left then."""
-STABLE = 5.0
-"""Step times collision frequency at the window's edge that the extrapolated Lawson method may take: its base method, two steps of
-which make one, is stable to 2.8. With up to 10 the error of a wave of 95 %, Sρ = 10, ε = 0.9, came to 2.7 rtol (1e-3) unseen."""
+STABLE = 2.6
+"""Step times collision frequency at the window's edge that Lawson's method may take: it is stable to 2.8. With up to 10 in two
+half steps the error of a wave of 95 %, Sρ = 10, ε = 0.9, came to 2.7 rtol (1e-3) unseen."""
+WHOLE_PARTS = 1.2
+"""By how many times more steps it takes than that asks for: lengths are parts of what is left of an interval. Measured."""
 MOST_GROWTH = 300.0
 """Exponent of the largest growth that is told from more."""
 MOST_MIXING = 2e4
@@ -156,17 +158,35 @@ def expected_steps(scales: Scales, waves: Waves, stepping: SteppingScheme, time_
         return int(np.unique(np.round(np.concatenate([links, scales.times[1:]]) / scales.end, 9)).size)
     growing = 0
     if stepping == "extrapolated" and scales.scene.grid.time_step is None:
-        by_waves = (scales.rtol / measured.LAWSON_ERROR) ** 0.2 / commutation_rate(scales, waves)
         if scales.amplifies:
-            h = min(h, by_waves)
+            h = min(h, (scales.rtol / measured.LAWSON_ERROR) ** 0.2 / commutation_rate(scales, waves))
         else:
             _check_mixing(scales, waves)
-            fastest = scales.collision_rate * scales.tail
-            h = min(h, STABLE / fastest if fastest > 0 else math.inf, _by_error_of_collisions(scales))
-            # Error control begins with short steps, and at the most doubles them.
-            growing = max(0, round(measured.STEPS_TO_A_DOUBLING * math.log2(h / first_step(scales, waves))))
+            h = min(h, _lawson_step(scales))
+            growing = _growing(scales, waves, h)
     _check_number(scales, scales.end / h)
     return growing + sum(count_of(float(gap), h) for gap in np.diff(scales.times))
+
+
+def lawson_steps(scales: Scales, waves: Waves) -> float:
+    """Of a run with pairs under error control in Lawson's variable, about; tries are counted."""
+    h = min(_lawson_step(scales), longest_gap(scales).value)
+    return _growing(scales, waves, h) + sum(count_of(float(gap), h) for gap in np.diff(scales.times))
+
+
+def _lawson_step(scales: Scales) -> float:
+    """Of Lawson's method with pairs, about: where the tail is stable, and where collisions make their share of the error."""
+    fastest, rate, lasting = scales.collision_rate * scales.tail, scales.collision_rate, memory_time(scales)
+    if rate * lasting == 0:
+        return math.inf
+    rate += scales.scene.model.friction
+    error = ERROR_SHARE[False] * scales.rtol / (measured.LAWSON_COLLISIONS * math.sqrt(rate * lasting))
+    return float(min(STABLE / (WHOLE_PARTS * fastest), error ** (1 / 4.5) / rate))
+
+
+def _growing(scales: Scales, waves: Waves, h: float) -> int:
+    """Steps more, since error control begins with short ones, and at the most doubles them."""
+    return max(0, round(measured.STEPS_TO_A_DOUBLING * math.log2(h / first_step(scales, waves))))
 
 
 def _check_mixing(scales: Scales, waves: Waves) -> None:
@@ -192,15 +212,6 @@ def _check_number(scales: Scales, steps: float) -> None:
             f"run.end_time = {scales.end:g}: {steps:.2g} steps in time would be needed, more than {MOST_STEPS}",
             FEWER_STEPS,
         )
-
-
-def _by_error_of_collisions(scales: Scales) -> float:
-    """The step at which an extrapolated Lawson step of collisions alone makes its share of the error, as was measured."""
-    rate = scales.collision_rate
-    lasting = memory_time(scales)
-    if scales.amplifies or rate * lasting == 0:
-        return math.inf
-    return float((ERROR_SHARE[False] * scales.rtol / (measured.LAWSON_COLLISIONS * rate * lasting)) ** 0.25 / rate)
 
 
 def error_share(scales: Scales) -> float:

@@ -108,7 +108,7 @@ def _make_plan(scene: Scene, known: Mapping[str, str], law: CollisionLaw | None,
     shown = _velocities(scales, waves, velocity, in_v.Schemes(stepping, drift_diffusion, deposit, step), high - low)
     nv, chosen["nv"] = int(shown.value), chosen.get("nv", shown.reason)
     if choices.hermite_may_pay(scales):
-        functions = in_hermite.count(scales, waves)
+        functions = in_hermite.count(scales, waves, nv / measured.HERMITE_PAYS)
         if measured.HERMITE_PAYS * functions.value <= nv:
             velocity, nv, chosen["nv"] = "hermite", int(functions.value), functions.reason
     if velocity == "points" and inner.grid.nv is None:
@@ -120,7 +120,7 @@ def _make_plan(scene: Scene, known: Mapping[str, str], law: CollisionLaw | None,
     grid = PhaseSpaceGrid(int(points.value), nv, inner.pipe.length, low, high)
     shortest = 0.0
     if scales.law is not None and stepping in ("extrapolated", "exponential"):
-        stepping, chosen["stepping"] = relaxing.chosen(scales, grid, velocity, drift_diffusion)
+        stepping, chosen["stepping"] = relaxing.chosen(scales, waves, grid, velocity, drift_diffusion)
     if stepping == "exact" and velocity == "points" and drift_diffusion == "kernel":
         shortest = in_t.shortest_exact_step(scales, waves, grid)
     elif stepping == "strang":
@@ -129,7 +129,7 @@ def _make_plan(scene: Scene, known: Mapping[str, str], law: CollisionLaw | None,
     output, whole = output_grids(replace(grid, nv=int(shown.value)), frame, scales.times, scene)
     steps = in_t.expected_steps(scales, waves, stepping, time_step)
     if stepping == "exponential":
-        steps = max(steps, math.ceil(relaxing.exponential_steps(scales)))
+        steps = max(steps, math.ceil(relaxing.exponential_steps(scales, waves)))
     plan = Plan(
         scene,
         here.start,

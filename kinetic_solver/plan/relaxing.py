@@ -14,6 +14,7 @@ from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.laws import Inelastic
 from kinetic_solver.plan import in_t
 from kinetic_solver.plan.scales import Scales
+from kinetic_solver.plan.waves import Waves
 from kinetic_solver.scene import DriftDiffusionScheme, SteppingScheme, VelocityScheme
 from kinetic_solver.stability.homogeneous import HomogeneousState, homogeneous_state
 
@@ -21,29 +22,21 @@ MOST_TABLES = 4e8
 """Bytes of the tables of three step lengths, beyond which it is not considered. Chosen."""
 SHARED = 0.4
 """Of the tables' cost that is counted: later runs of the process find them. Chosen."""
-TABLE_SECONDS = 2.5e-8
-"""Of all tables of a run, over nx/2·nv³: about 60 products of complex matrices. Measured like all seconds here on one core of an
-AMD EPYC, 25 × 23 to 63 × 121 points; only their ratios matter. benchmarks/against.py, docs/performance.md."""
-RATE_SECONDS, CALL_SECONDS = 3.75e-10, 1.5e-5
-"""Of a collision rate: over nx·nv², and besides."""
-LINEAR_SECONDS, TRANSFORM_SECONDS = 5e-11, 1.5e-8
-"""Of a linear step: over nx·nv² and over nx·nv."""
-MATRIX_SECONDS, FARTHER_SECONDS = 1e-9, 2.5e-9
-"""Of a table's product with a state, over nx/2·nv²: from the second-level cache, and from memory."""
-CACHE = 2e7
-"""Bytes of tables that stay in that cache."""
-RATES, LINEAR, PRODUCTS = 12, 20, 18
-"""Of an extrapolated step: collision rates, linear steps of Lawson's method, and products with tables of the other."""
-STARTING, RELAXING, LATER, BY_RTOL = 3.0, 6.0, 1.5, 1 / 6
-"""The exponential method takes about (a + b |ln θ0/θ_h| + c γt)(1e-3/rtol)^p steps; measured, S from 2 to 50, t to 20/γ."""
+TABLE_SECONDS = 2.4e-8
+"""Of all tables of a run, over nx/2·nv³, where the machine's pace (cost.py) is 1. Measured like all seconds here with seeds 0 to
+43 of benchmarks/random_scenes.py at rtol 1e-3 to 1e-5 and the scenes of benchmarks/against.py, 25 × 23 to 105 × 124 points:
+within a factor of 1.6 for tables, 1.2 for steps. Between methods only their ratios matter."""
+LAWSON_STEP, EXPONENTIAL_STEP = (1.5e-9, 5.7e-7, 4.2e-4), (1.06e-8, 4.0e-7, 4.0e-4)
+"""Seconds of a step: over nx·nv², over nx·nv, and of its calls."""
+STARTING, RELAXING, BY_RTOL, BY_RATE, ACTIVE, LATER = 2.5, 2.0, 0.22, 0.4, 2.0, 0.6
+"""The exponential method takes about (a + b |ln θ0/θ_h|)(1e-3/rtol)^p (Λ min(t, d/γ))^q + e γt steps, tries included; measured on
+those scenes: within a factor of 2.3 in 96 %."""
 WIDTH = 2.0
 """Of the homogeneous state in dv, and of the window's edges from its mean in such widths, at the least. Chosen."""
-DYADIC = 1.7
-"""By how many times more steps Lawson's method takes, powers of two of an interval, than stability alone asks for; measured."""
 
 
 def chosen(
-    scales: Scales, grid: PhaseSpaceGrid, velocity: VelocityScheme, drift_diffusion: DriftDiffusionScheme
+    scales: Scales, waves: Waves, grid: PhaseSpaceGrid, velocity: VelocityScheme, drift_diffusion: DriftDiffusionScheme
 ) -> tuple[SteppingScheme, str]:
     """The stepping of a scene that error control steps, as given or the cheaper, and why. Raises SceneError where what is given
     cannot be."""
@@ -61,36 +54,35 @@ def chosen(
         return "extrapolated", why_not
     if grid.nx == 1:
         return "exponential", "relaxation to the homogeneous state"
-    ours, theirs = exponential_seconds(scales, grid), lawson_seconds(scales, grid)
+    ours, theirs = exponential_seconds(scales, waves, grid), lawson_seconds(scales, waves, grid)
     cheaper = f"by its rule the {'cheaper' if ours < theirs else 'dearer'} one: {ours:.2g} s to {theirs:.2g} s"
     return ("exponential" if ours < theirs else "extrapolated"), f"relaxation to the homogeneous state is {cheaper}"
 
 
-def lawson_seconds(scales: Scales, grid: PhaseSpaceGrid) -> float:
-    """Of a run by Lawson's method, where stability at the window's edge limits its steps."""
-    steps = STARTING + DYADIC * scales.end * scales.collision_rate * scales.tail / in_t.STABLE
-    points = grid.nx * grid.nv
-    rate = RATE_SECONDS * points * grid.nv + CALL_SECONDS
-    linear = (LINEAR_SECONDS * grid.nv + TRANSFORM_SECONDS) * points
-    return steps * (RATES * rate + LINEAR * linear)
+def lawson_seconds(scales: Scales, waves: Waves, grid: PhaseSpaceGrid) -> float:
+    """Of a run by Lawson's method."""
+    return in_t.lawson_steps(scales, waves) * _of_a_step(grid, LAWSON_STEP)
 
 
-def exponential_steps(scales: Scales) -> float:
+def exponential_steps(scales: Scales, waves: Waves) -> float:
     """Of a run by the exponential method, about."""
-    state = _state(scales)
+    state, friction = _state(scales), scales.scene.model.friction
     assert state is not None
     off = abs(math.log(float(scales.temperature.max()) / state.temperature))
-    steps = STARTING + RELAXING * off + LATER * scales.scene.model.friction * scales.end
-    return steps * max(1.0, 1e-3 / scales.rtol) ** BY_RTOL
+    active = in_t.commutation_rate(scales, waves) * min(scales.end, ACTIVE / friction)
+    early = max(1.0, 1e-3 / scales.rtol) ** BY_RTOL * max(1.0, active) ** BY_RATE
+    return (STARTING + RELAXING * off) * early + LATER * friction * scales.end
 
 
-def exponential_seconds(scales: Scales, grid: PhaseSpaceGrid, shared: float = SHARED) -> float:
+def exponential_seconds(scales: Scales, waves: Waves, grid: PhaseSpaceGrid, shared: float = SHARED) -> float:
     """Of a run by the exponential method, with this share of its tables."""
-    steps = exponential_steps(scales)
-    points, waves = grid.nx * grid.nv, grid.nx // 2 + 1
-    product = waves * grid.nv**2 * (MATRIX_SECONDS if _bytes(grid) < CACHE else FARTHER_SECONDS)
-    rate = RATE_SECONDS * points * grid.nv + CALL_SECONDS + 2 * TRANSFORM_SECONDS * points
-    return shared * TABLE_SECONDS * waves * grid.nv**3 + steps * (RATES * rate + PRODUCTS * product)
+    tables = shared * TABLE_SECONDS * (grid.nx // 2 + 1) * grid.nv**3
+    return tables + exponential_steps(scales, waves) * _of_a_step(grid, EXPONENTIAL_STEP)
+
+
+def _of_a_step(grid: PhaseSpaceGrid, seconds: tuple[float, float, float]) -> float:
+    matrix, point, call = seconds
+    return (matrix * grid.nv + point) * grid.nx * grid.nv + call
 
 
 def _obstacle(

@@ -17,7 +17,7 @@ from kinetic_solver.errors import SceneError
 from kinetic_solver.initial import SceneStart, Start
 from kinetic_solver.laws import CollisionLaw, FollowTheLeader, Inelastic
 from kinetic_solver.scene import Scene
-from kinetic_solver.stability.homogeneous import HomogeneousState, homogeneous_state
+from kinetic_solver.stability.homogeneous import rough_temperature_at
 from kinetic_solver.stability.scaling import cooling_state
 from kinetic_solver.theory.ornstein_uhlenbeck import Transition, transition
 
@@ -261,12 +261,12 @@ def _(
 ) -> tuple[float, float]:
     if float(density.min()) > 0:
         # The hottest place is the thinnest one, and no hotter than its own stationary state.
-        thinnest = _state_at_density(scene, float(density.min()))
-        theta_end = min(theta_end, thinnest.temperature if thinnest is not None else theta_end)
+        thinnest = _temperature_at(scene, float(density.min()))
+        theta_end = min(theta_end, theta_end if thinnest is None else thinnest)
     # The densest place cools most: as without noise, but not below its own stationary state.
-    densest = _state_at_density(scene, float(density.max()))
+    densest = _temperature_at(scene, float(density.max()))
     cooled = _haff(law, whole, float(density.max()), coldest) / HAFF_SHORT
-    return theta_end, min(theta_min, max(cooled, 0.0 if densest is None else densest.temperature))
+    return theta_end, min(theta_min, max(cooled, 0.0 if densest is None else densest))
 
 
 def _haff(law: Inelastic, whole: Transition, density: float, theta: float) -> float:
@@ -275,9 +275,8 @@ def _haff(law: Inelastic, whole: Transition, density: float, theta: float) -> fl
     return (math.sqrt(theta) * whole.decay / (1 + c * math.sqrt(theta) * whole.drift_time)) ** 2
 
 
-def _state_at_density(scene: Scene, density: float) -> HomogeneousState | None:
-    """None where there is none, and where it cannot be computed: it only makes a grid smaller."""
-    start = scene.initial.model_copy(update={"density": density})
+def _temperature_at(scene: Scene, density: float) -> float | None:
+    """Of the homogeneous state. None where there is none, and where it cannot be computed: it only makes a grid smaller."""
     with contextlib.suppress(SceneError):
-        return homogeneous_state(scene.model_copy(update={"initial": start}))
+        return rough_temperature_at(scene, density)
     return None

@@ -31,8 +31,8 @@ PARTS = {
 class ErrorEstimate:
     """Each part is the largest since time 0, but for that of the steps, forgotten as the flow forgets them.
 
-    - time: estimated errors of the extrapolated steps, times what (6) may make of them; Strang's by its rule; exact steps have
-      none.
+    - time: estimated errors of the steps under error control, with (6) their sum, times what it may make of them, with pairs the
+      root of the sum of their squares; Strang's by its rule; exact steps have none.
     - x: the start's waves that the first grid leaves out, all together, of a step as they are at the first frame; what products
       of its waves miss, by their rule; with collisions besides the waves of the highest eighth, or what the linearised step
       of (6) misses of the density.
@@ -46,7 +46,9 @@ class ErrorEstimate:
     def __init__(self, plan: Plan) -> None:
         scales = plan.scales
         self._of_steps = 0.0
+        model = plan.inner.model
         self._amplified = in_t.amplified_error(scales)
+        self._sums = scales.amplifies or model.friction <= 0 or model.noise == 0  # scheme.adding
         if plan.stepping == "strang" and plan.time_step is not None:
             self._of_steps = in_t.strang_error(scales, plan.waves, plan.time_step)
         self._lost = plan.waves.beyond(plan.grid.nx) + in_x.error_of_step_products(scales, plan.waves, plan.grid.nx)
@@ -55,8 +57,9 @@ class ErrorEstimate:
     def step(self, seen: Observation) -> None:
         """A step has ended, with an estimate of its own error."""
         if seen.plan.stepping in ("extrapolated", "exponential", "homogeneous"):
-            kept = math.exp(-seen.length / seen.plan.memory_time)
-            self._of_steps = kept * self._of_steps + self._amplified * seen.error / float(np.abs(seen.f).max())
+            kept = math.exp(-seen.length / seen.plan.memory_time) * self._of_steps
+            error = self._amplified * seen.error / float(np.abs(seen.f).max())
+            self._of_steps = kept + error if self._sums else math.hypot(kept, error)
 
     def parts(self, seen: Observation, diagnostics: dict[str, float]) -> dict[str, float]:
         """All parts, and `error_estimate`, their sum."""

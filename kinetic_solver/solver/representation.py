@@ -40,7 +40,7 @@ from kinetic_solver.operators.velocity.kernel import resolution
 from kinetic_solver.plan import Plan, homogeneous
 from kinetic_solver.plan.in_hermite import basis_of, points_for_coefficients, sum_of_gaussians
 from kinetic_solver.solver.regrid import regrid, resize
-from kinetic_solver.stepping import BaseMethod, Substep, lawson, strang
+from kinetic_solver.stepping import BaseMethod, Rate, Substep, lawson, strang
 
 
 class Representation(Protocol):
@@ -77,6 +77,11 @@ class Representation(Protocol):
 
     def lifted_start(self, step: Any) -> Any:
         """The start as that step holds it, where it is known better than from `start`; else None."""
+        ...
+
+    @property
+    def rate(self) -> Rate:
+        """Of collisions."""
         ...
 
     def split(self) -> BaseMethod:
@@ -142,13 +147,18 @@ class VelocityPoints:
         f /= (f.sum(axis=1) * grid.dv)[:, None]
         return step.lifted(f * density[:, None], scene.initial.density)
 
-    def split(self) -> BaseMethod:
+    @property
+    def rate(self) -> Rate:
         operator = collision_operator(self.plan)
         assert operator is not None
+        return operator.rate
+
+    def split(self) -> BaseMethod:
+        operator = collision_operator(self.plan)
         if self.plan.stepping == "strang" or self.plan.symmetric:
             assert isinstance(operator, FollowLeader | PairCollisions)
             return strang(operator, self.linear)
-        return lawson(operator.rate, self.linear)
+        return lawson(self.rate, self.linear)
 
     def _drift_diffusion(self) -> DriftDiffusion:
         grid, model = self.plan.grid, self.plan.inner.model
@@ -207,11 +217,15 @@ class HermiteCoefficients:
     def lifted_start(self, step: HermiteLinearisedStep) -> None:
         return None
 
-    def split(self) -> BaseMethod:
+    @property
+    def rate(self) -> Rate:
         assert self.plan.law is not None
         operator = in_hermite(self.plan.law, self.basis)
         assert operator is not None
-        return lawson(operator.rate, self.linear)
+        return operator.rate
+
+    def split(self) -> BaseMethod:
+        return lawson(self.rate, self.linear)
 
 
 def collision_operator(plan: Plan) -> CollisionRate | None:

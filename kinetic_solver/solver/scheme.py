@@ -20,7 +20,20 @@ from kinetic_solver.solver.homogeneous import HomogeneousSteps
 from kinetic_solver.solver.relaxing import relaxation
 from kinetic_solver.solver.representation import Representation, collision_operator, make_representation
 from kinetic_solver.solver.watched import watched_by
-from kinetic_solver.stepping import Controlled, ExactStep, ExactSteps, Extrapolated, Fixed, Plain, Rate, Stepper, krogstad
+from kinetic_solver.stepping import (
+    Controlled,
+    Embedded,
+    ExactStep,
+    ExactSteps,
+    Extrapolated,
+    Fixed,
+    Plain,
+    Rate,
+    Stepper,
+    embedded_lawson,
+    krogstad,
+    largest,
+)
 
 LINEARISED_ROUND_OFF = 0.05
 """Of rtol, to the round-off of the exactly linearised step of (6): it decides between its gauges. Chosen."""
@@ -30,8 +43,17 @@ that the plan's points are among them. The kernel's width goes as the square roo
 RELAXED = (1.0, 10.0)
 """(a, b): the longest exponential step is a/γ, or b rtol/(γ δ²) at the distance δ max f from the homogeneous state, if longer. Of
 longer ones estimates see too little: without this bound Sρ = 10, t = 20/γ erred by 0.9 rtol (1e-4), with it by less than 0.2."""
+NEARLY_ELASTIC = 1e-6
+"""1 - ε² below which collisions count as doing that much. Chosen. For ε = 0.999, Sρ = 10 θ erred by 1.7 rtol (1e-6) where the
+estimate did not know of it."""
 STRANG_COUNTS, LAWSON_COUNTS = (1, 2, 3, 4), (1, 2)
 """Steps of the base method that are extrapolated: to order 8, and to order 5. Why these: docs/performance.md."""
+
+
+ADDING = 0.5
+"""The power of their number with which errors of steps add up that collisions of pairs have not yet forgotten: those of
+neighbours are hardly alike. benchmarks/steps_error.py: with 1/2 errors scatter by a factor of 2.1 from scene to scene, with 1 by
+2.4."""
 
 
 @dataclass(frozen=True)
@@ -78,10 +100,19 @@ def make_stepper(plan: Plan, representation: Representation) -> Stepper:
     if plan.stepping == "strang":
         assert plan.time_step is not None
         return Fixed(Extrapolated(representation.split()), plan.time_step)
-    method, given, watched = _method(plan, representation), plan.inner.grid.time_step, watched_by(plan, representation)
+    given, watched = plan.inner.grid.time_step, watched_by(plan, representation)
     if given is not None:
-        return Fixed(method, given, watched)
-    return Controlled(method, _tolerance(plan), longest, watched, plan.first_step, plan.memory_time, _stable(plan))
+        return Fixed(_extrapolated(plan, representation), given, watched)
+    method, limits = _method(plan, representation), (plan.first_step, plan.memory_time, _stable(plan))
+    if not plan.scales.of_pairs:
+        return Controlled(method, _tolerance(plan), longest, watched, *limits)
+    return Controlled(method, _tolerance(plan), longest, watched, *limits, adding(plan), plan.stepping != "exponential")
+
+
+def adding(plan: Plan) -> float:
+    """ADDING where pairs, friction and noise forget errors; else 1: what a cooling gas keeps has one sign."""
+    model = plan.inner.model
+    return ADDING if plan.scales.of_pairs and model.friction > 0 and model.noise > 0 else 1.0
 
 
 def _exact_steps(plan: Plan, representation: Representation, longest: float) -> Stepper:
@@ -91,18 +122,41 @@ def _exact_steps(plan: Plan, representation: Representation, longest: float) -> 
     early = Early(plan) if plan.shortest_step > 0 and scene.initial.file is None else None
     # Where nx is open, a finer grid is the better way out of a step that loses its accuracy; but not of a jump.
     given = scene.grid.nx is not None or plan.waves.products_of_a_step
-    fallback = Controlled(_method(plan, representation), _tolerance(plan)) if given else None
+    fallback = Controlled(_extrapolated(plan, representation), _tolerance(plan)) if given else None
     start = representation.lifted_start(step)
     return ExactSteps(step, longest, plan.shortest_step, min(aside, longest), early, fallback, start, plan.waves.blur)
 
 
-def _method(plan: Plan, representation: Representation) -> Extrapolated:
-    """Of the quadrature path."""
+def _method(plan: Plan, representation: Representation) -> Embedded | Extrapolated:
+    """Of steps under error control."""
+    law = plan.law
+    if not plan.scales.of_pairs or law is None:
+        return _extrapolated(plan, representation)
     if plan.stepping == "exponential":
-        return Extrapolated(krogstad(_rate(plan), relaxation(plan)), LAWSON_COUNTS, measured.EXPONENTIAL_GAIN)
-    if plan.symmetric:
-        return Extrapolated(representation.split(), STRANG_COUNTS)
-    return Extrapolated(representation.split(), LAWSON_COUNTS, measured.LAWSON_GAIN)
+        # Signs and error are both proportional to what collisions do, of which the estimate takes the power 5/4.
+        weak = max(law.dissipation, NEARLY_ELASTIC) ** -0.25
+        return Embedded(krogstad(_rate(plan), relaxation(plan)), weak * measured.EXPONENTIAL_GAIN, _size(plan))
+    return Embedded(embedded_lawson(representation.rate, representation.linear), measured.LAWSON_GAIN, _size(plan))
+
+
+def _size(plan: Plan) -> Callable[[Array, Array], float]:
+    """Of an error beside f: that of f, or of ∫v²f dv about the mean velocity if that is larger, each over its maximum. What is
+    small beside f, but as wide as the window, is not small beside the temperature of a narrow f."""
+    if plan.velocity == "hermite":
+        return largest
+    v = plan.grid.v
+
+    def size(error: Array, f: Array) -> float:
+        along_v = f.sum(axis=0)
+        square = (v - along_v @ v / along_v.sum()) ** 2
+        return max(largest(error, f), largest(error @ square, f @ square))
+
+    return size
+
+
+def _extrapolated(plan: Plan, representation: Representation) -> Extrapolated:
+    counts = STRANG_COUNTS if plan.symmetric else LAWSON_COUNTS
+    return Extrapolated(representation.split(), counts, None if plan.symmetric else measured.EXTRAPOLATED_GAIN)
 
 
 def _tolerance(plan: Plan) -> Callable[[Array], float]:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from kinetic_solver.laws import Inelastic
 from kinetic_solver.scene import Scene
-from kinetic_solver.stability.inelastic import inelastic_flow
+from kinetic_solver.stability.inelastic import inelastic_flow, rough_temperature
 
 
 @dataclass(frozen=True)
@@ -45,6 +45,15 @@ def homogeneous_state(scene: Scene) -> HomogeneousState | None:
         return HomogeneousState(g / gamma, theta * sigma, a2, rate * distance * math.sqrt(sigma))
     drag = rate * sigma if law is not None else 0.0
     return HomogeneousState((g - drag) / gamma, sigma, 0.0, rate * 2 * math.sqrt(sigma / math.pi))
+
+
+def rough_temperature_at(scene: Scene, density: float) -> float | None:
+    """θ_h at another mean density, to 1e-7 of it; None as above."""
+    gamma, sigma, law = scene.model.friction, scene.model.noise, scene.law
+    if gamma * sigma == 0 or not isinstance(law, Inelastic) or density == scene.initial.density:
+        state = homogeneous_state(scene)
+        return None if state is None else state.temperature
+    return sigma * rough_temperature(law.restitution, scene.cross_section * density * math.sqrt(sigma) / gamma)
 
 
 @functools.lru_cache(maxsize=256)

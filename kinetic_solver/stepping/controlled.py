@@ -9,13 +9,18 @@ from dataclasses import dataclass
 
 from kinetic_solver.arrays import Array
 from kinetic_solver.errors import StepTooSmall
+from kinetic_solver.stepping.embedded import Embedded
 from kinetic_solver.stepping.methods import Extrapolated
 from kinetic_solver.stepping.protocol import Integral, Stalled, Step, Watched, count_of
 
 DEEPEST = 20
 """Halvings of an interval: 10⁶ steps in it, beyond which error control gives up."""
-MARGIN = 0.3
-"""Of the error allowed to a step of twice the length, below which the next step is that long. It spares rejections."""
+WHOLE = 3 * 2**DEEPEST
+"""An interval, in the units of which places and lengths are multiples: exact."""
+MARGIN = 0.6
+"""Of the error allowed to a longer step, below which the next step is that long. It spares rejections."""
+CAUTION = 0.9
+"""Of the length that should do, what is tried after a rejection."""
 SAME = (1 / 4, 1.5)
 """An error per unit of time within these factors of that of the longer step before has fallen no faster than the step itself."""
 
@@ -29,36 +34,41 @@ class Pace:
     limit: float = 1.0
     """Of the error over the tolerance; larger where something else than the step limits the error."""
     place: int = 0
-    """How far the interval is done, in units of interval/2^DEEPEST: exact."""
-    level: int | None = None
-    """Halvings of the interval that make the next step; None at an interval's start."""
+    """How far the interval is done, in units."""
+    units: int | None = None
+    """Of the next step; None at an interval's start."""
     failed: float = math.inf
     """Error over tolerance of the last rejected try of this step; inf where there was none."""
     useless: int = 0
     """Tries in a row whose error fell no faster than the step."""
+    rate: Array | None = None
+    """Of the state, where the method has found it already."""
 
 
 class Controlled:
-    """As few steps as keep the estimated error of each below tolerance(f)·(its length), or that of a step of length `memory`,
-    in which errors are forgotten.
+    """As few steps as keep the estimated error of each below tolerance(f)·(its length), or, where errors are forgotten within a
+    time `memory`, below tolerance(f)·memory·(its length/memory)^adding, or that of a step of length `memory`.
 
-    Lengths are the interval over powers of two, so that substeps build few tables, and at most `longest`. The `first` step is no
-    longer than the estimate can be believed in a state of which nothing is known; what follows is at most twice as long each.
-    Orders: those of the method. Test: tests/convergence/test_stepping.py.
+    Lengths are the interval over powers of two, with `thirds` also over three times those, so that substeps build few tables, and
+    at most `longest`. The `first` step is no longer than the estimate can be believed in a state of which nothing is known; what
+    follows is at most twice as long each. Orders: those of the method. Test: tests/convergence/test_stepping.py.
     """
 
     def __init__(
         self,
-        method: Extrapolated,
+        method: Embedded | Extrapolated,
         tolerance: Callable[[Array], float],
         longest: float = math.inf,
         watched: Watched | None = None,
         first: float = math.inf,
         memory: float = math.inf,
         stable: Callable[[Array], float] = lambda f: math.inf,
+        adding: float = 1.0,
+        thirds: bool = False,
     ) -> None:
         """What is `watched` is integrated over every step. No step is longer than `stable(f)`: beyond it what is too small to be
-        estimated grows unseen."""
+        estimated grows unseen. With the power `adding` of their number errors add up: 1 where they are all alike, 1/2 where each
+        is another."""
         self.method = method
         self.tolerance = tolerance
         self.longest = longest
@@ -66,52 +76,65 @@ class Controlled:
         self.first = min(first, longest)
         self.memory = memory
         self.stable = stable
+        self.adding = adding
+        self.thirds = thirds
         self.order, self.error_order = method.order, method.error_order
+        self._power = (self.error_order or 1) + 1 - adding
+        """Of a step's length, with which its error over what is allowed falls."""
 
     def begin(self, state: Array, time: float) -> Pace:
         return Pace(self.first)
 
     def step(self, state: Array, memory: Pace, start: float, interval: float) -> Step | Stalled:
-        shallowest = _level(interval, min(self.longest, self.stable(state)))
-        level = max(shallowest, _level(interval, memory.length)) if memory.level is None else memory.level
+        rest = WHOLE - memory.place
+        most = min(self.longest, self.stable(state)) / interval * WHOLE
+        units = self._within(min(most, memory.length / interval * WHOLE if memory.units is None else memory.units), rest)
         limit, failed, useless = memory.limit, memory.failed, memory.useless
         while True:
-            h = interval / 2**level
-            integral = _integral(self.watched, start + interval * (memory.place / 2**DEEPEST))
-            new, error = self.method.step(state, h, integral)
-            allowed = self.tolerance(state) * min(h, self.memory)
+            h = interval * (units / WHOLE)
+            integral = _integral(self.watched, start + interval * (memory.place / WHOLE))
+            new, error, rate = self.method.onward(state, h, integral, memory.rate)
+            allowed = self.tolerance(state) * self._shared(min(h, self.memory))
             excess = error / allowed if math.isfinite(error) else math.inf  # a NaN is no small error
             useless = useless + 1 if SAME[0] * failed < excess < SAME[1] * failed < math.inf else 0
             if excess <= limit:
-                step = self._accepted(new, error, excess, level, shallowest, memory, interval)
-                return step if integral is None else dataclasses.replace(step, integral=integral.value)
+                later = self._later(excess, units, most, memory, interval, rate)
+                elapsed = interval * ((memory.place + units) / WHOLE)
+                return Step(new, elapsed, h, error, later, integral=None if integral is None else integral.value)
             if useless == 2:
-                here = dataclasses.replace(memory, level=level, failed=failed, useless=useless)
+                here = dataclasses.replace(memory, units=units, failed=failed, useless=useless)
                 # The longer step was as good: its error, with some room, is what will do from now on.
                 accepting = dataclasses.replace(here, limit=4 * failed)
                 return Stalled(2 * h, accepting, here)
-            if level == DEEPEST:
+            if units <= WHOLE >> DEEPEST:
                 raise StepTooSmall(f"no step down to {h:.2g} keeps the error asked for")
-            more = math.ceil(math.log2(excess) / self._expected_order) if math.isfinite(excess) else 1
-            level = min(DEEPEST, level + max(1, more))
+            shorter = (limit / excess) ** (1 / self._power) * CAUTION if math.isfinite(excess) else 0.5
+            units = self._within(shorter * units, rest)
             failed = excess
 
-    def _accepted(
-        self, new: Array, error: float, excess: float, level: int, shallowest: int, memory: Pace, interval: float
-    ) -> Step:
-        units, whole, h = 2 ** (DEEPEST - level), 2**DEEPEST, interval / 2**level
-        place, length = memory.place + units, h
-        if excess < MARGIN * memory.limit / 2**self._expected_order:
-            length = 2 * h
-            if level > shallowest and place % (2 * units) == 0:  # where the place lies on the coarser lattice
-                level -= 1
-        later = Pace(length, memory.limit) if place == whole else Pace(length, memory.limit, place, level)
-        return Step(new, interval * (place / whole), h, error, later)
+    def _shared(self, h: float) -> float:
+        """Times the tolerance, what is allowed to a step."""
+        return h if math.isinf(self.memory) else self.memory * (h / self.memory) ** self.adding
 
-    @property
-    def _expected_order(self) -> int:
-        """With which the estimate falls."""
-        return self.error_order or 1
+    def _later(self, excess: float, units: int, most: float, memory: Pace, interval: float, rate: Array | None) -> Pace:
+        """After a step that was accepted."""
+        longer = min(2.0, max(1.0, (MARGIN * memory.limit / max(excess, 1e-300)) ** (1 / self._power)))
+        length, place = interval * (units / WHOLE) * longer, memory.place + units
+        if place == WHOLE:
+            return Pace(length, memory.limit, rate=rate)
+        return Pace(length, memory.limit, place, self._within(min(most, longer * units), WHOLE - place), rate=rate)
+
+    def _within(self, units: float, rest: int) -> int:
+        """The longest length of at most so many units of which the rest is a multiple."""
+        most = min(units, WHOLE) * (1 + 1e-9)
+        power = 2 ** math.floor(math.log2(max(1.0, most / 3)))
+        while True:
+            for found in (4 * power, 3 * power) if self.thirds else (3 * power,):
+                if found <= most and rest % found == 0:
+                    return found
+            if power == 1:
+                return math.gcd(3, rest)
+            power //= 2
 
 
 class Fixed:
@@ -137,8 +160,3 @@ class Fixed:
 
 def _integral(watched: Watched | None, time: float) -> Integral | None:
     return None if watched is None else Integral(watched, time)
-
-
-def _level(interval: float, length: float) -> int:
-    """The least number of halvings that brings the interval down to `length`."""
-    return min(DEEPEST, max(0, math.ceil(math.log2(interval / length) - 1e-9))) if length < interval else 0

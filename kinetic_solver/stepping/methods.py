@@ -79,6 +79,12 @@ class Extrapolated:
         self._weights = _weights(self.counts, powers)
         self._lower = np.append(0.0, _weights(self.counts[1:], powers[:-1])) if powers else self._weights
 
+    def onward(
+        self, f: Array, h: float, integral: Integral | None = None, known: Array | None = None
+    ) -> tuple[Array, float, None]:
+        """As `step`; no rate is handed on."""
+        return *self.step(f, h, integral), None
+
     def step(self, f: Array, h: float, integral: Integral | None = None) -> tuple[Array, float]:
         """(f after h, the estimated max|error|, without a gain that of the next lower order; 0 where nothing is extrapolated).
 

@@ -36,8 +36,9 @@ class CollisionsInWaves:
         self.index = np.arange(count) - count // 2
         self.w = self.dv * self.index
         self.xi = np.pi / half * self.index
-        self.to_waves = np.exp(-1j * np.outer(self.xi, self.w)) / count
-        self.to_points = np.exp(1j * np.outer(self.w, self.xi))
+        turns = np.exp(2j * np.pi / count * np.arange(count))
+        self.to_points = turns[np.outer(self.index, self.index) % count]
+        self.to_waves = self.to_points.conj() / count
         n, low = np.meshgrid(self.index, self.index, indexing="ij")
         self.kept: NDArray[np.bool_] = np.abs(n - low) <= count // 2
         """Which pairs of waves (n, l) have a wave n - l: at the place `pairs` says."""
@@ -50,10 +51,14 @@ class CollisionsInWaves:
         # The integrand has no wave shorter than those of l and of n/2 together; a rule of n points is exact to degree 2n - 1.
         nodes, weights = np.polynomial.legendre.leggauss(math.ceil(1.3 * self.count) + 30)
         r, weights = self.half * (nodes + 1) / 2, self.half / 2 * weights
-        half_turn = alpha / 2 * np.outer(self.xi, r)
+        waves = self.xi[self.count // 2 :]
+        half_turn = alpha / 2 * np.outer(waves, r)
         turned = 4 * weights * r * np.sin(half_turn)
-        phase = np.outer(r, self.xi)
-        return np.asarray((turned * np.cos(half_turn)) @ np.sin(phase) - (turned * np.sin(half_turn)) @ np.cos(phase))
+        phase = np.outer(r, waves)
+        odd, even = (turned * np.cos(half_turn)) @ np.sin(phase), (turned * np.sin(half_turn)) @ np.cos(phase)
+        # Of n, l ≥ 0 so far; the first is odd in either, the second even in both.
+        same, other = odd - even, -odd - even
+        return np.block([[same[:0:-1, :0:-1], other[:0:-1]], [other[:, :0:-1], same]])
 
     def rate(self, f: Array) -> Array:
         """C[f], on points."""

@@ -11,7 +11,7 @@ from kinetic_solver import Scene, solve
 from kinetic_solver.plan import cost, make_plan
 from kinetic_solver.plan.cost import in_words
 from kinetic_solver.scene import INELASTIC
-from kinetic_solver.stepping.methods import Extrapolated
+from kinetic_solver.stepping import Embedded
 
 MakeScene = Callable[..., Scene]
 COLLISIONS = {"operator": "inelastic", "cross_section": 0.9, "restitution": 0.6}
@@ -21,8 +21,8 @@ COLLISIONS = {"operator": "inelastic", "cross_section": 0.9, "restitution": 0.6}
 def test_steps_under_error_control_are_foretold(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Tries included, within a factor of two: R* from 0.5 to 4.7, steps bounded by transport as by collisions."""
     tried = []
-    step = Extrapolated.step
-    monkeypatch.setattr(Extrapolated, "step", lambda self, f, h, *more: tried.append(h) or step(self, f, h, *more))
+    onward = Embedded.onward
+    monkeypatch.setattr(Embedded, "onward", lambda self, f, h, *more: tried.append(h) or onward(self, f, h, *more))
     scene = random_scene(seed, 1e-3, INELASTIC)
     solve(scene)
     assert 1 / 2 < make_plan(scene).expected_steps / len(tried) < 2
@@ -35,7 +35,7 @@ def test_a_run_costs_what_its_parts_cost(make_scene: MakeScene) -> None:
     def seconds(**changes: object) -> float:
         return cost(make_plan(make_scene(**{**slow, **changes}))).seconds
 
-    long, longer = seconds(run={"end_time": 40.0}), seconds(run={"end_time": 80.0})
+    long, longer = seconds(run={"end_time": 400.0}), seconds(run={"end_time": 800.0})
     assert 1.5 < longer / long < 2.1
     coarse, fine = (cost(make_plan(make_scene(**slow, grid={"nx": 501, "nv": nv}))) for nv in (200, 400))
     assert 3.0 < fine.operations / coarse.operations < 4.1

@@ -25,6 +25,7 @@ from kinetic_solver.scene import Scene
 from kinetic_solver.stepping import (
     BaseMethod,
     Controlled,
+    Embedded,
     ExactSteps,
     Extrapolated,
     Fixed,
@@ -33,6 +34,7 @@ from kinetic_solver.stepping import (
     Step,
     Stepper,
     advance,
+    embedded_lawson,
     lawson,
     strang,
 )
@@ -61,6 +63,7 @@ def grow(y: Array, h: float) -> Array:
 
 STRANG = strang(lambda y, h: riccati(y, BETA, h), grow)
 LAWSON = lawson(lambda y: BETA - C * y**2, grow)
+EMBEDDED = embedded_lawson(lambda y: BETA - C * y**2, grow)
 EIGHTH, FIFTH = (1, 2, 3, 4), (1, 2)
 
 
@@ -232,6 +235,48 @@ def test_orders_of_integrals_over_steps(counts: tuple[int, ...], order: int) -> 
     controlled = Controlled(Extrapolated(LAWSON, counts), lambda f: 1e-8, T / 40, watched)
     found = np.sum([step.integral for step in steps_of(controlled, T)], axis=0)
     assert found == pytest.approx(truth, abs=1e-7)
+
+
+def test_an_embedded_method_is_the_same_with_two_signs_of_its_error() -> None:
+    """Lawson's method, of order 4; a result of order 3, whose error in one step is of order 4; a second difference, of order 3.
+    Steps that err by 1e-6 to 1e-3 are estimated within a factor of four."""
+
+    def of_step(n: int, sign: str) -> float:
+        return float(np.abs(getattr(EMBEDDED(Y0, T / n, None, None), sign)).max())
+
+    known, y = None, Y0
+    for _ in range(5):
+        y, known, *_ = EMBEDDED(y, T / 5, known, None)
+    assert y == pytest.approx(LAWSON.over(Y0, T, 5, None), rel=1e-14)
+    assert_order(4, (24, 32, 48, 64), lambda n: of_step(n, "lower"))
+    assert_order(3, (48, 64, 96, 128), lambda n: of_step(n, "curvature"))
+    method = Embedded(EMBEDDED, gain=1.0)
+    for n in (4, 6, 8, 12, 16):
+        found, estimate, _ = method.onward(Y0, T / n)
+        assert 1 / 4 < estimate / float(np.abs(found - solution(T / n)).max()) < 4
+
+
+@pytest.mark.parametrize("thirds", [False, True])
+def test_controlled_with_an_embedded_method(thirds: bool) -> None:
+    """It meets its tolerance, and not by waste; each rate is found once; with thirds every length divides what is left."""
+    rates = 0
+
+    def counted(y: Array) -> Array:
+        nonlocal rates
+        rates += 1
+        return BETA - C * y**2
+
+    for tolerance in (1e-3, 1e-5, 1e-7):
+        rates = 0
+        method = Embedded(embedded_lawson(counted, grow), gain=1.0)
+        stepper = Controlled(method, lambda f, tolerance=tolerance: tolerance, T / 2, memory=T / 3, adding=0.5, thirds=thirds)
+        steps = driven(stepper, [T / 2, T / 2])
+        assert rates <= 1 + 6 * len(steps)  # four each, one for the start, and those of what was rejected
+        error = float(np.abs(steps[-1].state - solution(T)).max())
+        assert 1e-4 * tolerance * T < error < 0.1 * tolerance * T  # friction forgets what steps err by
+        assert steps[-1].elapsed == T / 2
+    lengths = {round(T / 2 / step.length, 9) for step in steps}
+    assert any(n % 3 == 0 for n in lengths) == thirds, lengths
 
 
 @pytest.mark.parametrize("longest", [0.5, 0.3, 0.07])

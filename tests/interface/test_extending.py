@@ -110,7 +110,7 @@ def test_bgk_waves_decay_as_its_dispersion_relation_says(page: dict[str, Any]) -
             "pipe": {"length": length},
             "initial": {"density": 1.3, "modes": [{"mode": 1, "cos": 1e-4}], "mean_velocity": 0.0, "temperature": theta},
             "run": {"end_time": 12.0, "output_every": 0.25},
-            "accuracy": {"rtol": 1e-9},
+            "accuracy": {"rtol": 1e-10},
             "output": {"f": False, "budgets": False},
         }
     )

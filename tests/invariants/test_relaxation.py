@@ -9,6 +9,7 @@ import pytest
 from scipy.linalg import expm
 
 from kinetic_solver.arrays import Array
+from kinetic_solver.errors import SolverStopped
 from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.laws import Inelastic
 from kinetic_solver.operators.collisions import on_points
@@ -49,6 +50,22 @@ def test_phi_functions(h: float) -> None:
     for found, matrix in zip(np.swapaxes(PhiTables(matrices).get(h), 0, 1), matrices, strict=True):
         for ours, theirs in zip(found, by_augmented_exponential(h * matrix), strict=True):
             assert np.abs(ours - theirs).max() < 1e-12 * np.abs(theirs).max()
+
+
+def test_rounding_does_not_grow_as_lengths_double() -> None:
+    """A step of 2/γ, |hM| = 7e3: to 1e-12, as by another method."""
+    matrix = generators(nx=1, nv=144).at_rest
+    found = PhiTables(matrix[None]).get(2.5)
+    for ours, theirs in zip(found, by_augmented_exponential(2.5 * matrix), strict=True):
+        assert np.abs(ours[0] - theirs).max() < 1e-11 * np.abs(theirs).max()
+
+
+def test_a_matrix_that_is_not_finite_is_refused() -> None:
+    with pytest.raises(ValueError, match="not finite"):
+        PhiTables(np.full((1, 3, 3), math.nan))
+    grid = PhaseSpaceGrid(1, 24, 5.0, -7.5, 9.0)
+    with pytest.raises(SolverStopped, match=r"not finite on 24 velocities .* grid\.stepping = 'extrapolated'"):
+        Generators(grid, MODEL, on_points(LAW, grid.v, "quintic"), np.full(24, math.nan))
 
 
 def test_tables_do_not_depend_on_what_was_asked_before() -> None:
