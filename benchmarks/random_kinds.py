@@ -1,6 +1,7 @@
 """Seeded random scenes of many kinds, in random units: each meets its rtol, or is refused with a reason.
 
-    python -m benchmarks.random_kinds [--scenes 156] [--log FILE] [--longest 60] [--seconds 3600]
+    python -m benchmarks.random_kinds [--scenes 200] [--log FILE] [--rtol 1e-3 1e-4 1e-6] [--operators none inelastic]
+                                      [--longest 60] [--seconds 3600]
 
 Kinds: smooth, steps, thin and vacuum surroundings, waves of velocity and temperature, cold, hot, no noise, no friction, no
 gravity, beams, pulses, nothing that depends on x; each without collisions, with (6) and with (12), S and ε over all their ranges,
@@ -22,7 +23,8 @@ import math
 import sys
 import time
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -32,9 +34,11 @@ import xarray as xr
 from benchmarks.random_scenes import FIELDS
 from kinetic_solver import KineticError, Scene, exact, solve
 from kinetic_solver.arrays import Array
+from kinetic_solver.dataset.scaled import scales_of, velocity_axis
 from kinetic_solver.initial import beams
 from kinetic_solver.plan import cost, make_plan
 from kinetic_solver.scene import FOLLOW_LEADER, INELASTIC
+from kinetic_solver.solver.estimate import PARTS
 from kinetic_solver.theory.ornstein_uhlenbeck import transition
 from tests.reference.fourier_inelastic import OutOfReach
 from tests.reference.fourier_inelastic import solve as fourier
@@ -55,7 +59,7 @@ KINDS = (
     "pulse",
     "homogeneous",
 )
-TOLERANCES = (1e-3, 1e-4)
+TOLERANCES = (1e-3, 1e-4, 1e-6)
 PLACES, VELOCITIES = 30, 32
 """Of the run's points, at which fields are held against the reference."""
 REFERENCE = 0.001
@@ -187,27 +191,36 @@ def in_units(table: dict[str, Any], length: float, time: float, number: float) -
 
 
 def looked_at(run: xr.Dataset) -> xr.Dataset:
-    """Some of the run's points, evenly over both, uniform in x over the period."""
-    nx = run.sizes["x"]
+    """Some of the run's points, evenly over both: uniform in x over the period, in v with both ends."""
+    nx, axis = run.sizes["x"], velocity_axis(run)
+    cells = run.sizes[axis] - 1
     along_x = max((n for n in range(1, nx + 1) if nx % n == 0 and nx // n >= PLACES / 2), default=1)
-    return run.isel(x=slice(None, None, along_x), v=slice(None, None, max(1, run.sizes["v"] // VELOCITIES)))
+    along_v = max((n for n in range(1, cells + 1) if cells % n == 0 and cells // n >= VELOCITIES / 2), default=1)
+    return run.isel({"x": slice(None, None, along_x), axis: slice(None, None, along_v)})
 
 
 def reference(scene: Scene, run: xr.Dataset) -> xr.Dataset:
     """The fields at the run's points, by the closed form or by Fourier series. Raises OutOfReach."""
-    x, v = run["x"].values, run["v"].values
+    x, v = run["x"].values, run[velocity_axis(run)].values
     if scene.operator != INELASTIC:
         with np.errstate(all="ignore"):  # in a vacuum there is no mean velocity
             return exact.solve(scene, x=x, v=v)
     found = fourier(scene, REFERENCE * scene.accuracy.rtol, modes_of(scene), float(run["temperature"].min()))
     rho, u, theta = found.moments(x)
+    scale, origin = np.ones(found.times.size), np.zeros(found.times.size)
+    if velocity_axis(run) != "v":  # of a gas that cools: f times s over (v - u)/s
+        scale, origin = (np.asarray(of_time.values) for of_time in scales_of(run["f"]))
+    frames = [
+        replace(found, f=found.f[n : n + 1]).at(x, mean + s * v)[0] * s
+        for n, (s, mean) in enumerate(zip(scale, origin, strict=True))
+    ]
     fields: dict[str, tuple[tuple[str, ...], Array]] = {
-        "f": (("time", "x", "v"), found.at(x, v)),
+        "f": (run["f"].dims, np.array(frames)),
         "density": (("time", "x"), rho),
         "mean_velocity": (("time", "x"), u),
         "temperature": (("time", "x"), theta),
     }
-    return xr.Dataset(fields, coords={name: run[name] for name in ("time", "x", "v")})
+    return xr.Dataset(fields)
 
 
 def modes_of(scene: Scene) -> int:
@@ -269,6 +282,7 @@ def attempt(seed: int, rtol: float, operator: str | None = None, longest: float 
         line["seconds"] = time.process_time() - began
     line["said"] = [str(one.message)[:200] for one in said if "rtol" in str(one.message) or "missing" in str(one.message)]
     line["estimate"] = float(run["error_estimate"].max()) / rtol
+    line["parts"] = {name: float(run[name].max()) / rtol for name in PARTS}
     line["grids"] = run.attrs.get("grids", "")[:80]
     began = time.process_time()
     shown = looked_at(run)
@@ -279,10 +293,12 @@ def attempt(seed: int, rtol: float, operator: str | None = None, longest: float 
     return line | {"errors": errors(shown, truth, rtol), "reference_seconds": time.process_time() - began}
 
 
-def scenes_to_do(count: int, done: set[tuple[int, float]]) -> Iterator[tuple[int, float]]:
-    for seed in range(count):
-        for rtol in TOLERANCES:
-            if (seed, rtol) not in done:
+def scenes_to_do(
+    count: int, tolerances: Sequence[float], operators: Sequence[str], done: set[tuple[int, float]]
+) -> Iterator[tuple[int, float]]:
+    for rtol in tolerances:
+        for seed in range(count):
+            if (OPERATORS[seed % len(OPERATORS)] or "none") in operators and (seed, rtol) not in done:
                 yield seed, rtol
 
 
@@ -323,7 +339,9 @@ def in_silence(lines: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 def main() -> int:
     parser = argparse.ArgumentParser()
-    parser.add_argument("--scenes", type=int, default=156)
+    parser.add_argument("--scenes", type=int, default=200)
+    parser.add_argument("--rtol", type=float, nargs="*", default=TOLERANCES)
+    parser.add_argument("--operators", nargs="*", default=[name or "none" for name in OPERATORS])
     parser.add_argument("--log", type=Path, default=Path("random_kinds.jsonl"))
     parser.add_argument("--longest", type=float, default=60.0)
     parser.add_argument("--seconds", type=float, default=3600.0)
@@ -332,7 +350,7 @@ def main() -> int:
     done = {(line["seed"], line["rtol"]) for line in read(given.log)}
     until = time.monotonic() + given.seconds
     with given.log.open("a") as log:
-        for seed, rtol in scenes_to_do(given.scenes, done):
+        for seed, rtol in scenes_to_do(given.scenes, given.rtol, given.operators, done):
             if time.monotonic() > until:
                 break
             line = attempt(seed, rtol, longest=given.longest)

@@ -18,12 +18,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from kinetic_solver.rounding import rounded
+
 Matrices = NDArray[np.complex128] | NDArray[np.float64]
 
 DEGREE = 15
 """Of the Taylor polynomial of φ_3: 1/19! = 8e-18, where |z| ≤ 1. It is evaluated in powers of z⁴."""
-DIGITS = 40
-"""Binary digits of a step length's mantissa that count: lengths that differ by rounding, 1e-12, have one table."""
 LEVELS = 3
 """Tables that are kept in any case: an extrapolated step takes those of its length, its half and its quarter."""
 MOST_BYTES = 2e8
@@ -45,8 +45,7 @@ class PhiTables:
 
     def get(self, h: float) -> tuple[Matrices, Matrices, Matrices]:
         """(φ_1, φ_2, φ_3) of hM."""
-        mantissa, exponent = math.frexp(h)
-        mantissa = round(mantissa * 2**DIGITS) / 2**DIGITS
+        mantissa, exponent = math.frexp(rounded(h))
         with self._lock:
             return self._get(mantissa, exponent)
 

@@ -147,7 +147,7 @@ class GridLinearisedStep:
             n = values.sum(axis=1) * self.grid.dv
             # E = W exp(Sρ̄x) times a constant, and E_x = S n exp(Sρ̄x)
             w = np.fft.irfft(s * np.fft.rfft(n) / (s * mean + 1j * k), n=self.grid.nx)
-            return self._with_density(values, n, w, mean + derivative(np.log(w), k) / s, rounded=True)
+            return self._with_density(values, n, w, mean + derivative(np.log(w / w.max()), k) / s, rounded=True)
 
     def moments(self, lifted: Lifted, times: Sequence[float], blurs: Sequence[float]) -> Array | None:
         """∫v^n f dv, n = 0 … 3, after each time, shape (times, 4, nx), at a fraction of what f costs (linearised/moments.py).
