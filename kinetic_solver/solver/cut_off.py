@@ -27,11 +27,12 @@ class CutOff:
 
     def after(self, seen: Observation) -> float:
         """What its absence makes of f by then, over max f. Noise has spread it over a Gaussian of variance s²: of height·length
-        it leaves at most height·length/√(2π s²); and (6) has stopped exp(-Sρwt) of the fast, t as friction ends it."""
+        it leaves at most height·length/√(2π s²), and the mass is made up for elsewhere; (6) has stopped all but exp(-Sρwt) of the
+        fast, t as friction ends it."""
         model, law = seen.plan.inner.model, seen.plan.law
         step = transition(model, seen.clock)
         spread = math.sqrt(2 * math.pi * step.velocity_variance)
-        left = 1.0 if spread <= self.length else self.length / spread
+        left = 1.0 if spread <= 2 * self.length else 2 * self.length / spread
         if isinstance(law, FollowTheLeader):
             left *= math.exp(-law.cross_section * self.thinnest * self.overtaking * step.drift_time)
         return self.height * left / float(seen.f.max())

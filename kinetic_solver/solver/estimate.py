@@ -42,7 +42,7 @@ class ErrorEstimate:
     - v: the shortest waves in v that the points hold, and what these make of the kernel of exact steps of (6); with (12) the
       difference that twice the points make to the collision rate, times how long it acts; with finite volumes their rule; in
       Hermite functions the last coefficients.
-    - window: f at its edges, the slow one amplified as (6) does, and what is left of that which they cut off the start.
+    - window: f at its edges, amplified as (6) does until the end, and what is left of that which they cut off the start.
 
     Held against true errors in tests/convergence/test_estimate.py.
     """
@@ -70,9 +70,10 @@ class ErrorEstimate:
             self._cut_off, self._start = cut_off(seen, diagnostics), spectrum_of(seen)
             return dict.fromkeys(("error_estimate", *PARTS), 0.0)  # what is shown then is the start itself
         now = {
-            "error_x": _of_x(seen, diagnostics, self._lost),
+            "error_x": _of_x(seen, diagnostics, self._lost * seen.plan.scales.rho_max / float(seen.moments.density.max())),
             "error_v": _of_v(seen) + (0.0 if self._start is None else kernel_error(seen, self._start)),
-            "error_window": max(diagnostics["edge_error_low"], diagnostics["edge_error_high"])
+            "error_window": diagnostics["edge_error_low"]
+            + diagnostics["edge_error_high"] * in_t.amplified_error(seen.plan.scales, seen.clock)
             + sum(lost.after(seen) for lost in self._cut_off),
         }
         self._parts = {name: max(self._parts[name], now.get(name, 0.0)) for name in PARTS}
@@ -106,16 +107,16 @@ def _of_x(seen: Observation, diagnostics: dict[str, float], lost: float) -> floa
 
 
 HIGHEST = 3
-"""Waves in x that are looked at, where an eighth of all are fewer and the start does not have them: what comes of the waves 3 and 6
-are multiples of 3. Chosen."""
+"""Waves in x that are looked at, where an eighth of all are fewer and the start does not have them: what comes of waves 3 and
+6 are multiples of 3. Chosen."""
 
 
 def _highest(seen: Observation) -> float:
     """The height of the highest eighth of waves in x after exact steps of (6), which put what the points do not hold of their
-    products among them: twice the largest amplitude."""
+    products among them: all together, twice the sum of their amplitudes."""
     amplitude = seen.waves_in_x
     above_the_start = amplitude.size - 1 - seen.plan.waves.highest_mode
-    return 2 * float(amplitude[-max(1, amplitude.size // 8, min(HIGHEST, above_the_start)) :].max())
+    return 2 * float(amplitude[-max(1, amplitude.size // 8, min(HIGHEST, above_the_start)) :].sum())
 
 
 def _of_v(seen: Observation) -> float:
@@ -134,9 +135,9 @@ def _of_v(seen: Observation) -> float:
 def waves_in_v(seen: Observation) -> float:
     """The error that waves in v make which the points do not hold, judged by the amplitude a of the shortest that they hold.
 
-    It is about a where a step was not resolved. Else, at the points, and in sums over them, only waves of twice that wavenumber
-    err, which a smooth spectrum makes smaller than a²; between them, where f may be written, all those that are left out, and
-    what stands for them among the longer ones.
+    At the points, and in sums over them, exact steps that resolve their kernel err by waves of twice that wavenumber, which a
+    smooth spectrum makes smaller than a². Between them, where f may be written, and where the kernel is band-limited, as without
+    collisions it may be, err all waves that are left out, and what stands for them among the longer ones. Else it is about a.
     """
     amplitude = shortest_of(seen.waves_in_v)
     plan, grid = seen.plan, seen.grid
@@ -147,10 +148,10 @@ def waves_in_v(seen: Observation) -> float:
     resolved = model.friction * model.noise == 0 or dv <= resolved_spacing(model, step, resolution(plan.inner.accuracy.rtol)) * (
         1 + 1e-9
     )
-    if not resolved:
+    if not resolved and plan.law is not None:
         return amplitude
     same = (plan.output.nv, plan.output.low, plan.output.high) == (grid.nv, grid.low, grid.high)
-    if (same and not plan.reference_frame.moving) or plan.scene.output.f is False:
+    if resolved and ((same and not plan.reference_frame.moving) or plan.scene.output.f is False):
         return amplitude**2
     # A wave's height over max f: the longest, with which amplitudes are compared, is the mean of f over the window.
     mean = float(seen.moments.density.max()) / (grid.high - grid.low) / float(seen.f.max())
@@ -162,12 +163,12 @@ FLATTEST = 0.9
 
 
 def _left_out(amplitude: Array) -> float:
-    """The sum of the amplitudes of all waves in v that are shorter than the points hold, as a geometric series from the last two,
-    its ratio that of the last quarter."""
+    """The sum of the amplitudes of all waves in v that are shorter than the points hold, as a geometric series after the last but
+    one (of the last, at an even number of points, only the cosine is held), its ratio that of the last quarter."""
     last, quarter = shortest_of(amplitude), amplitude.size // 4
     before = shortest_of(amplitude[: amplitude.size - quarter]) if quarter else last
     ratio = min(FLATTEST, (last / before) ** (1 / max(1, quarter))) if before > 0 else FLATTEST
-    return last * ratio**2 / (1 - ratio)
+    return last * ratio / (1 - ratio)
 
 
 def shortest_waves(f: Array, share: float = 0.0) -> float:
