@@ -164,7 +164,7 @@ def _least_change(scene: Scene, remedy: Remedy, works: Callable[[Scene], bool]) 
 def _factors(scene: Scene, remedy: Remedy, start: float) -> Iterator[float]:
     most = 0.1 / start if remedy.key == "accuracy.rtol" else math.inf
     extreme = max(start, 1 / start) if (start > 1) == (remedy.way == "less") else 1.0
-    if EXTREME < extreme and most == math.inf:
+    if extreme > EXTREME and most == math.inf:
         yield extreme  # whether it is this key at all
     yield from (factor for factor in NEAR if factor < most)
     if 1.0 < most < math.inf:

@@ -9,7 +9,8 @@ from typing import Any
 
 import pytest
 
-from benchmarks.random_kinds import KINDS, OPERATORS, attempt
+from benchmarks.random_kinds import attempt
+from benchmarks.random_kinds_scenes import KINDS, OPERATORS
 from kinetic_solver.scene import INELASTIC
 
 RTOL = 1e-3

@@ -16,7 +16,7 @@ import xarray as xr
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from benchmarks.random_kinds import in_units
+from benchmarks.random_kinds_scenes import in_units
 from kinetic_solver import Scene, solve
 from kinetic_solver.errors import SceneError
 from kinetic_solver.plan import Plan, make_plan
