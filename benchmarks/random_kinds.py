@@ -51,8 +51,8 @@ PLACES, VELOCITIES = 30, 32
 """Of the run's points, at which fields are held against the reference."""
 REFERENCE = 0.001
 """Of rtol, to the shortest waves of the reference: all that it leaves out together are some ten times more."""
-MOST_WORK = 5e10
-"""Multiplications of a reference, about: half a minute."""
+MOST_WORK = 2e10
+"""Multiplications of a reference, about: ten seconds."""
 JUMPS, AGREED = 4.0, 0.1
 """Modes of a density step where the reference begins, over those that are left at the first frame: collisions multiply its waves
 before, and what is missed of their products falls as the third power. So it takes twice as many until that changes less than
