@@ -42,7 +42,7 @@ class ErrorEstimate:
     - v: the shortest waves in v that the points hold, and what these make of the kernel of exact steps of (6); with (12) the
       difference that twice the points make to the collision rate, times how long it acts; with finite volumes their rule; in
       Hermite functions the last coefficients.
-    - window: f at its edges, amplified as (6) does until the end, and what is left of that which they cut off the start.
+    - window: f at its edges, amplified as (6) does until the end, or what is left of that which they cut off the start.
 
     Held against true errors in tests/convergence/test_estimate.py.
     """
@@ -72,13 +72,19 @@ class ErrorEstimate:
         now = {
             "error_x": _of_x(seen, diagnostics, self._lost * seen.plan.scales.rho_max / float(seen.moments.density.max())),
             "error_v": _of_v(seen) + (0.0 if self._start is None else kernel_error(seen, self._start)),
-            "error_window": diagnostics["edge_error_low"]
-            + diagnostics["edge_error_high"] * in_t.amplified_error(seen.plan.scales, seen.clock)
-            + sum(lost.after(seen) for lost in self._cut_off),
+            "error_window": self._of_window(seen, diagnostics),
         }
         self._parts = {name: max(self._parts[name], now.get(name, 0.0)) for name in PARTS}
         self._parts["error_time"] = self._of_steps
         return {"error_estimate": self.total, **self._parts}
+
+    def _of_window(self, seen: Observation, diagnostics: dict[str, float]) -> float:
+        low = diagnostics["edge_error_low"]
+        high = diagnostics["edge_error_high"] * in_t.amplified_error(seen.plan.scales, seen.clock)
+        if not self._cut_off:
+            return low + high
+        cut_low, cut_high = (lost.after(seen) for lost in self._cut_off)
+        return max(low, cut_low) + max(high, cut_high)
 
     def state(self) -> tuple[float, dict[str, float], tuple[CutOff, ...], Spectrum | None]:
         """All that changes as a run goes on."""
