@@ -6,8 +6,8 @@ that relaxes under (12) from u0 = 2, θ0 = 2. Beside them the usual way: n × n 
 Strang's splitting, finite volumes of order 2 in v, a linear deposit for (12), on the window that rtol = 1e-6 would choose.
 The error is the largest of those that rtol is about (docs/accuracy.md), of f, density, mean velocity and temperature at the end,
 against the closed form; with (12) against one run on a finer grid than that of the least rtol, at a thirtieth of it.
-Seconds are those of `solve` after compilation, one core, the best of three. Prints a markdown table, writes docs/accuracy.png,
-and fails where an error exceeds its rtol.
+Seconds are the processor time of `solve` after compilation, one core, the best of three. Prints a markdown table, writes
+output/accuracy_cost.csv and from it docs/accuracy.png, and fails where an error exceeds its rtol.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import os
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("NUMBA_NUM_THREADS", "1")
 
+import csv
 import math
 import sys
 import time
@@ -32,6 +33,7 @@ from matplotlib.figure import Figure
 
 from benchmarks.random_scenes import LEAST_RTOL, against_exact, at_points_of, finer_grid, worst_frame
 from kinetic_solver import Scene, SolverStopped, solve
+from kinetic_solver.analysis.drawing import BLUE, GREY, ORANGE
 from kinetic_solver.errors import SceneError
 from kinetic_solver.plan import make_plan
 
@@ -39,7 +41,7 @@ TOLERANCES = tuple(10.0**-n for n in range(2, 11))
 SIZES = (32, 64, 128, 256)
 PATIENCE = 10.0
 """Seconds after which a run is not repeated for its time's sake."""
-PICTURE = Path("docs/accuracy.png")
+TABLE, PICTURE = Path("output/accuracy_cost.csv"), Path("docs/accuracy.png")
 
 
 @dataclass(frozen=True)
@@ -109,12 +111,12 @@ def follow(number: float) -> dict[str, Any]:
 
 INELASTIC = {"operator": "inelastic", "cross_section": 1.0, "restitution": 0.5}
 PROBLEMS = (
-    Problem("(6), R* = 0.3", follow(0.3)),
-    Problem("(6), R* = 2", follow(2.0)),
-    Problem("(6), R* = 5", follow(5.0)),
-    Problem("(12), ε = 0.5, R* = 1", INELASTIC, finest=1e-8),
+    Problem("follow-the-leader, R* = 0.3", follow(0.3)),
+    Problem("follow-the-leader, R* = 2", follow(2.0)),
+    Problem("follow-the-leader, R* = 5", follow(5.0)),
+    Problem("inelastic, ε = 0.5, R* = 1", INELASTIC, finest=1e-8),
     Problem("no collisions", None),
-    Problem("(12), ε = 0.5, R* = 1, homogeneous", INELASTIC, homogeneous=True),
+    Problem("inelastic, ε = 0.5, R* = 1, homogeneous", INELASTIC, homogeneous=True),
 )
 
 
@@ -132,10 +134,10 @@ def measure(problem: Problem, scene: Scene, rtol: float | None, error: Callable[
     """The best of three runs, of fewer where they are long. What must be compiled has been."""
     seconds, spent = math.inf, 0.0
     for _ in range(4):
-        began = time.perf_counter()
+        began = time.process_time()
         run = solve(scene)
-        seconds = min(seconds, time.perf_counter() - began)
-        spent += time.perf_counter() - began
+        seconds = min(seconds, time.process_time() - began)
+        spent += time.process_time() - began
         if spent > PATIENCE:
             break
     return Point(problem.name, rtol, f"{run.sizes['x']} × {run.sizes['v']}", seconds, error(scene, run))
@@ -163,28 +165,45 @@ def of_problem(problem: Problem) -> list[Point]:
     return points
 
 
-def draw(points: list[Point]) -> None:
+COLOURS, MARKS = (BLUE, BLUE, BLUE, ORANGE, GREY, ORANGE), "osDo^s"
+"""Of the problems: one colour to an operator, one mark to a scene of it."""
+
+
+def write(points: list[Point], path: Path) -> None:
+    path.parent.mkdir(exist_ok=True)
+    with path.open("w", newline="", encoding="utf-8") as file:
+        rows = csv.writer(file)
+        rows.writerow(("problem", "rtol", "grid", "seconds", "error"))
+        rows.writerows((p.problem, p.rtol or "", p.size, f"{p.seconds:.6g}", f"{p.error:.3g}") for p in points)
+
+
+def draw(table: Path, picture: Path) -> None:
     """Left: error against seconds, rtol's points joined, grids by hand as crosses. Right: error/rtol, which should be below 1."""
-    figure = Figure(figsize=(13, 6), layout="constrained")
+    with table.open(encoding="utf-8") as file:
+        points = list(csv.DictReader(file))
+    figure = Figure(figsize=(12, 5.8), layout="constrained")
     cost, kept = figure.subplots(1, 2)
-    for n, problem in enumerate(PROBLEMS):
-        here = [p for p in points if p.problem == problem.name]
-        chosen, by_hand = [p for p in here if p.rtol is not None], [p for p in here if p.rtol is None]
-        colour = f"C{n}"
-        cost.plot([p.seconds for p in chosen], [p.error for p in chosen], "o-", ms=4, color=colour, label=problem.name)
-        cost.plot([p.seconds for p in by_hand], [p.error for p in by_hand], "x", ms=7, mew=1.8, color=colour)
-        kept.plot([p.rtol for p in chosen], [p.error / p.rtol for p in chosen if p.rtol], "o-", ms=4, color=colour)
-    cost.plot([], [], "kx", ms=7, mew=1.8, label="n × n points, Strang, finite volumes")
-    cost.set(
-        xscale="log", yscale="log", xlabel="seconds, one core", ylabel="error", title="from rtol (joined), and grids by hand"
-    )
-    figure.legend(loc="outside lower center", ncols=4, fontsize=9)
+    for problem, colour, mark in zip(PROBLEMS, COLOURS, MARKS, strict=True):
+        here = [p for p in points if p["problem"] == problem.name]
+        rtol, seconds, error = (np.array([float(p[name]) for p in here if p["rtol"]]) for name in ("rtol", "seconds", "error"))
+        hollow = {"mfc": "w"} if problem.homogeneous else {}
+        style: dict[str, Any] = {"color": colour, "marker": mark, "ms": 5, "lw": 1.2, **hollow}
+        cost.plot(seconds, error, label=f"{problem.name}, by rtol", **style)
+        by_hand = [(float(p["seconds"]), float(p["error"])) for p in here if not p["rtol"]]
+        cost.plot(*zip(*by_hand, strict=True), color=colour, marker=mark, mfc="w", ms=8, mew=1.4, ls=(0, (1, 3)), lw=1)
+        kept.plot(rtol, error / rtol, **style)
+    cost.plot([], [], "s", color="k", mfc="w", ms=8, mew=1.4, label="large and hollow: the same scene on n × n points by hand")
+    title = "What an error costs: by rtol from 1e-2 to 1e-10, and by hand"
+    cost.set(xscale="log", yscale="log", xlabel="seconds of processor time, one core", title=title)
+    cost.set_ylabel("largest error of f, ρ, u, θ at t = 2, relative")
+    figure.legend(loc="outside lower center", ncols=3, fontsize=9, frameon=False)
     kept.axhline(1, color="k", lw=1.2)
-    kept.set(xscale="log", yscale="log", xlabel="rtol", ylabel="error/rtol", title="what rtol asked for, and what came")
+    kept.text(0.99, 1.2, "what rtol allows", transform=kept.get_yaxis_transform(), ha="right", va="bottom", fontsize=9)
+    kept.set(xscale="log", yscale="log", xlabel="rtol", ylabel="error/rtol", title="Whether rtol is kept", ylim=(None, 10))
     kept.invert_xaxis()
     for axes in (cost, kept):
         axes.grid(alpha=0.3)
-    figure.savefig(PICTURE, dpi=110)
+    figure.savefig(picture, dpi=110)
 
 
 def main() -> int:
@@ -192,7 +211,8 @@ def main() -> int:
     np.seterr(all="ignore")
     print("| scene | grid | nx × nv | s | error | error/rtol |\n|---|---|---|---|---|---|")
     points = [point for problem in PROBLEMS for point in of_problem(problem)]
-    draw(points)
+    write(points, TABLE)
+    draw(TABLE, PICTURE)
     exceeded = [p for p in points if p.rtol is not None and not p.error <= p.rtol]
     print(f"\nwrote {PICTURE}; {len(exceeded)} of {sum(p.rtol is not None for p in points)} errors exceed their rtol")
     return int(bool(exceeded))

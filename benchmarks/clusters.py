@@ -3,8 +3,8 @@
     python -m benchmarks.clusters [direct] [files] [inelastic] [equation]
 
 All sections by default. Processor time, shared by as many processes as there are cores: direct 23 minutes, files 11, inelastic 4,
-equation 0.1. Prints the tables of docs/clusters.md and asserts what they say; `direct` draws docs/clusters.png. Replica r is the
-run of seed r.
+equation 0.1. Prints the tables of docs/clusters_measured.md and asserts what they say; `direct` draws docs/clusters.png. Replica
+r is the run of seed r.
 """
 
 from __future__ import annotations
@@ -240,9 +240,13 @@ def direct() -> None:
             assert min(distances) > 2 * q["gaussian"][0], (case, distances)
 
 
+HIGHEST = 3.0
+"""Contrast at the top of the picture: the line of R* = 4 is above it."""
+
+
 def save_figure(found: dict[Case, Result], path: str) -> None:
-    figure = Figure(figsize=(11, 4.6), layout="constrained")
-    left, right = figure.subplots(1, 2)
+    figure = Figure(figsize=(11, 5), layout="constrained")
+    left, right = figure.subplots(1, 2, sharey=True)
     count = np.geomspace(600, 2e6, 50)
     left.plot(count, np.sqrt((BINS - 1) / count), color="0.5", ls=":", label="ideal gas")
     right.plot([0.005, 1], [0.005, 1], color="0.5", lw=1, label="linear theory")
@@ -252,23 +256,25 @@ def save_figure(found: dict[Case, Result], path: str) -> None:
         cases = [case for case in found if case.number == number]
         one = expected_contrast(cases[0].scene(), count=1)
         left.plot(count, one / np.sqrt(count), color=colour, lw=1)
+        if one / math.sqrt(count[-1]) < HIGHEST:
+            left.text(1.1 * count[-1], one / math.sqrt(count[-1]), f"{number:g}", va="center", fontsize=8)
         n_of, theory = np.array([case.count for case in cases]), np.array([one / math.sqrt(case.count) for case in cases])
         values, errors = np.array([found[case]["contrast"] for case in cases]).T
         style = {"fmt": markers[n], "color": colour, "ms": 5, "capsize": 2, "label": f"R* = {number:g}"}
         left.errorbar(n_of, values, errors, **style)
         right.errorbar(theory, values, errors, **style)
-    left.set(xscale="log", yscale="log", ylim=(0.005, 3), xlabel="particles N", ylabel="density contrast")
+    left.set(xscale="log", yscale="log", ylim=(0.004, HIGHEST), xlim=(500, 5e6), xlabel="particles N", ylabel="density contrast")
     right.set(
         xscale="log",
         yscale="log",
-        ylim=(0.005, 3),
+        ylim=(0.004, HIGHEST),
         xlabel="√(Σ S sinc²/N): linear theory's contrast while that is small",
-        ylabel="density contrast",
     )
-    left.set_title("lines: √(Σ S sinc²/N), what linear theory expects while that is small", fontsize=10)
-    right.set_title("the same points over what linear theory expects", fontsize=10)
-    left.legend(fontsize=8, ncols=2)
-    right.legend(fontsize=8)
+    left.set_title("lines: linear theory, √(Σ S sinc²/N), at each R*", fontsize=10)
+    right.set_title("the same points: on the line where linear theory holds", fontsize=10)
+    for axes in (left, right):
+        axes.grid(alpha=0.3)
+    figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=7, fontsize=9, frameon=False)
     figure.savefig(path, dpi=150)
 
 

@@ -2,8 +2,8 @@
 
     python -m benchmarks.descriptions [limits] [cost]
 
-Limits 2 s, cost a minute, on one core. Prints the tables of docs/hydrodynamics.md, asserts what is said of them, and draws
-docs/descriptions.png. Units γ = σ = ρ̄ = 1, g = R*, pipe of L* = 8π."""
+Limits 2 s, cost a minute, on one core. Prints the tables of docs/hydrodynamics_details.md, asserts what is said of them, and
+draws docs/descriptions.png. Units γ = σ = ρ̄ = 1, g = R*, pipe of L* = 8π."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def save_figure(short: list[float], long: list[float], noise: list[list[float]])
     left.set(xscale="log", yscale="log", xlabel="moments M", ylabel="clusters above this collision number R*", ylim=(1, 60))
     left.set_title("Moments: linearly unstable above the line", fontsize=11)
     right.plot(COUNTS, noise[1], "o-", color="black", label="as large as the mean: S(k)/N = 1")
-    right.plot(COUNTS, noise[0], "o-", color="0.55", label="20 %: S(k)/N = 0.01")
+    right.plot(COUNTS, noise[0], "s-", color="0.55", label="20 % of the mean: S(k)/N = 0.01")
     right.set(xscale="log", xlabel="particles N")
     right.set_title("Particles: amplified noise above the line, no instability", fontsize=11)
     for axes in (left, right):
@@ -88,7 +88,9 @@ def save_figure(short: list[float], long: list[float], noise: list[list[float]])
     left.set_xticks([3, 4, 6, 8, 16, 32, 64], ["3", "4", "6", "8", "16", "32", "64"])
     left.minorticks_off()
     plain_logs(right.xaxis, 5)
-    figure.suptitle("Both go on rising: the kinetic equation, the limit of both, clusters at no density", fontsize=12)
+    figure.suptitle(
+        "With more moments or particles the line rises without end: the kinetic equation, their limit, has none", fontsize=12
+    )
     figure.savefig("docs/descriptions.png", dpi=150)
 
 

@@ -2,9 +2,9 @@
 
     python -m benchmarks.heat_flux
 
-Three seconds. Prints the tables of docs/hydrodynamics.md, asserts what is said of them, and draws docs/heat_flux.png. With the
-heat flux q = ∫(v - u)³ f dv kept, (5) has two more terms than the paper's: -(1/ρ)∂q/∂x, and -Sq, since (9) holds for q = 0 only.
-Units γ = σ = ρ̄ = 1, and g = R*, so that the homogeneous state is at rest."""
+Three seconds. Prints the tables of docs/hydrodynamics_measured.md, asserts what is said of them, and draws docs/heat_flux.png.
+With the heat flux q = ∫(v - u)³ f dv kept, (5) has two more terms than the paper's: -(1/ρ)∂q/∂x, and -Sq, since (9) holds for q
+= 0 only. Units γ = σ = ρ̄ = 1, and g = R*, so that the homogeneous state is at rest."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ TIMES = (0.5, 2.0, 5.0)
 
 
 def expected(wavenumber: float, number: float) -> float:
-    """Neglected over kept in the slowest eigenmode: k*√(k*² + R*²)/2 (docs/hydrodynamics.md)."""
+    """Neglected over kept in the slowest eigenmode: k*√(k*² + R*²)/2 (docs/hydrodynamics_measured.md)."""
     return wavenumber * math.hypot(wavenumber, number) / 2
 
 
@@ -94,7 +94,7 @@ def large_waves() -> dict[tuple[float, float], float]:
 
 
 def save_figure(small: dict[tuple[float, float], float], large: dict[tuple[float, float], float], path: str) -> None:
-    figure = Figure(figsize=(11, 4.7), layout="constrained")
+    figure = Figure(figsize=(11, 5.2), layout="constrained")
     left, right = figure.subplots(1, 2)
     k = np.geomspace(0.08, 2.5, 80)
     for number, colour in zip(NUMBERS, shades(len(NUMBERS)), strict=True):
@@ -106,7 +106,7 @@ def save_figure(small: dict[tuple[float, float], float], large: dict[tuple[float
     left.plot([], [], "x", color="0.4", label="measured, wave of 50 %, γt = 2")
     left.set(xscale="log", yscale="log", xlabel="wavenumber k*", ylabel="neglected over kept terms of (5)")
     left.set_title("Lines: k*√(k*² + R*²)/2", fontsize=11)
-    left.legend(frameon=False, fontsize=9)
+    figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False, fontsize=9)
     right.set(xscale="log", yscale="log", xlabel="wavenumber k*", ylabel="collision number R*")
     k, number = np.geomspace(0.05, 10, 120), np.geomspace(0.1, 6, 120)
     ratio = k * np.hypot(k, number[:, None]) / 2
@@ -115,10 +115,11 @@ def save_figure(small: dict[tuple[float, float], float], large: dict[tuple[float
     lines = right.contour(k, number, ratio, levels, colors="0.35", linewidths=0.8)
     right.clabel(lines, fmt=lambda level: f"{level:g}", fontsize=9)
     critical = [critical_collision_number(float(q)) for q in k]
+    right.plot(k, critical, color="w", lw=5)
     right.plot(k, critical, color=ORANGE, lw=2.5)
-    right.annotate("the closure is unstable\nabove this line", (0.9, 2.1), color=ORANGE, fontsize=11, weight="bold", bbox=BOX)
+    right.annotate("the closure is unstable\nabove this line", (0.9, 2.1), color="k", fontsize=11, bbox=BOX)
     right.set_ylim(0.1, 6)
-    right.set_title("Neglected over kept terms, slowest eigenmode", fontsize=11)
+    right.set_title("Neglected over kept terms of (5), slowest eigenmode", fontsize=11)
     for axes in (left, right):
         plain_logs(axes.xaxis, 1.5)
         plain_logs(axes.yaxis, 1.5)

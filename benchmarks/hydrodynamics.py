@@ -3,7 +3,8 @@
     python -m benchmarks.hydrodynamics [rates] [moments] [waves] [pipe] [inelastic]
 
 All sections by default: rates 10 s, moments 40, waves 120, pipe 70, inelastic 20, on one core. Prints the tables of
-docs/hydrodynamics.md and asserts what they say. Units γ = σ = ρ̄ = 1, and g = R*, so that the homogeneous state is at rest."""
+docs/hydrodynamics_measured.md and asserts what they say. Units γ = σ = ρ̄ = 1, and g = R*, so that the homogeneous state is at
+rest."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Every number and picture of docs/stability.md: linear theory of (2) with (6) and with (12), and of its closures.
+"""Every number and picture of docs/stability_details.md: linear theory of (2) with (6) and with (12), and of its closures.
 
 Prints Markdown tables, writes docs/figure_1.png, moments.png, structure_factor.png and growth.png, and fails where a number
 is not what an independent computation, a limit or a theorem says it is; the tolerances are printed with the checks.

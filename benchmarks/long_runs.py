@@ -47,18 +47,18 @@ GROWTH = 3.0
 """MiB: what the allocator may add."""
 FRICTION, NOISE, DENSITY = 0.7, 0.5, 0.8
 CASES: dict[str, tuple[str, float, dict[str, Any]]] = {
-    "(6), R* = 0.5, grid": ("grid", 0.5, {}),
-    "(6), R* = 2, grid": ("grid", 2.0, {}),
-    "(6), R* = 0.5, exact": ("exact", 0.5, {}),
-    "(6), R* = 2, exact": ("exact", 2.0, {}),
-    "(6), R* = 0.5, closure": ("hydrodynamics", 0.5, {"grid": {"nx": 64}, "accuracy": {"rtol": 1e-3}}),
-    "(12), R* = 1, ε = 0.4, closure": (
+    "follow-the-leader, R* = 0.5, grid": ("grid", 0.5, {}),
+    "follow-the-leader, R* = 2, grid": ("grid", 2.0, {}),
+    "follow-the-leader, R* = 0.5, exact": ("exact", 0.5, {}),
+    "follow-the-leader, R* = 2, exact": ("exact", 2.0, {}),
+    "follow-the-leader, R* = 0.5, closure": ("hydrodynamics", 0.5, {"grid": {"nx": 64}, "accuracy": {"rtol": 1e-3}}),
+    "inelastic, R* = 1, ε = 0.4, closure": (
         "hydrodynamics",
         1.0,
         {"collisions": {"operator": "inelastic", "restitution": 0.4}, "grid": {"nx": 64}, "accuracy": {"rtol": 1e-3}},
     ),
-    "(6), R* = 0.5, 8 moments": ("hydrodynamics", 0.5, {"hydrodynamics": {"moments": 8}}),
-    "(12), R* = 1, ε = 0.4, grid": ("grid", 1.0, {"collisions": {"operator": "inelastic", "restitution": 0.4}}),
+    "follow-the-leader, R* = 0.5, 8 moments": ("hydrodynamics", 0.5, {"hydrodynamics": {"moments": 8}}),
+    "inelastic, R* = 1, ε = 0.4, grid": ("grid", 1.0, {"collisions": {"operator": "inelastic", "restitution": 0.4}}),
 }
 
 

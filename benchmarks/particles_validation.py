@@ -2,7 +2,7 @@
 
     python -m benchmarks.particles_validation [homogeneous against_the_grid step_errors cell_errors few_particles fluctuations]
 
-Prints the tables of docs/particles.md and asserts what they say.
+Prints the tables of docs/particles_measured.md and asserts what they say.
 """
 
 from __future__ import annotations
@@ -101,7 +101,7 @@ def against_the_grid() -> None:
             errors.append((run["density"].values[-1] - expected["density"]) / RHO)
         mean, spread = np.mean(squares), np.std(squares, ddof=1) / math.sqrt(seeds)
         bias, sampling = np.mean(errors, axis=0), np.std(errors, axis=0, ddof=1) / math.sqrt(seeds)
-        name = "(6)" if restitution is None else f"(12), ε = {restitution:g}"
+        name = "follow-the-leader" if restitution is None else f"inelastic, ε = {restitution:g}"
         worst = int(np.abs(bias).argmax())
         print(
             f"| {name} | {number:g} | {8 * count * seeds:.3g} | {mean:.2f} | {spread:.2f} |"
@@ -171,7 +171,7 @@ def convergence(what: str, bound: float, runs: list[dict[str, Any]], cases: Case
     print("|---|---|---|---|---|---|---|---|---|---|---|", flush=True)
     beyond, orders = [], []
     for number, restitution in cases:
-        name = "(6)" if restitution is None else f"(12), ε = {restitution:g}"
+        name = "follow-the-leader" if restitution is None else f"inelastic, ε = {restitution:g}"
         sizes, roots, doubts = [], [], []
         for particles in runs:
             plan = make_plan(scene(number, restitution, particles=particles))
@@ -208,7 +208,7 @@ def convergence(what: str, bound: float, runs: list[dict[str, Any]], cases: Case
 
 def few_particles() -> None:
     """The bias of few particles, 1/N: u and θ of the homogeneous gas, stationary, and the fields of the scene at its end."""
-    print("\n(6), R* = 1, L* = 8π, stationary: relative bias of S ρσ/γ in u, and of θ; 40 replicas\n")
+    print("\nfollow-the-leader, R* = 1, L* = 8π, stationary: relative bias of S ρσ/γ in u, and of θ; 40 replicas\n")
     print("| N | b_N | drag | ± | drag/b_N | temperature | ± | temperature/b_N |\n|---|---|---|---|---|---|---|---|", flush=True)
     length = 8 * math.pi * math.sqrt(SIGMA) / GAMMA
     biases = []
@@ -305,7 +305,7 @@ def fluctuations() -> None:
         described, c = amplitudes(number, restitution, count, duration)
         measured, error = structure_factor(c, count)
         expected = theory(described, modes).values
-        name = "(6)" if restitution is None else f"(12), ε = {restitution:g}"
+        name = "follow-the-leader" if restitution is None else f"inelastic, ε = {restitution:g}"
         for m in range(8):
             z = (measured[m] - expected[m]) / error[m]
             print(
@@ -332,7 +332,7 @@ def fluctuations() -> None:
 
 
 def homogeneous() -> None:
-    """(12) at ε = 0.5, R* = 1: θ and the kurtosis of 10^6 particles."""
+    """Inelastic collisions at ε = 0.5, R* = 1: θ and the kurtosis of 10^6 particles."""
     data = {
         "model": {"friction": 1.0, "noise": 1.0},
         "collisions": {"operator": "inelastic", "cross_section": 1.0, "restitution": 0.5},
@@ -350,7 +350,7 @@ def homogeneous() -> None:
     for name, values, expected in (("θ", theta, 0.733296), ("kurtosis", kurtosis, 3.05982)):
         per_replica = np.mean(values, axis=0)
         mean, error = per_replica.mean(), per_replica.std(ddof=1) / math.sqrt(8)
-        print(f"\n(12), ε = 0.5, R* = 1, 10^6 particles: {name} = {mean:.5f} ± {error:.5f} (exact {expected:.5f})")
+        print(f"\ninelastic, ε = 0.5, R* = 1, 10^6 particles: {name} = {mean:.5f} ± {error:.5f} (exact {expected:.5f})")
         assert abs(mean - expected) < 3 * error
 
 

@@ -35,13 +35,13 @@ PRECISION = 1e-10
 # Finite volumes throughout: the kernel of a short step would be another discretisation than that of a long one.
 FOLLOW_LEADER_GRID = {"stepping": "extrapolated", "drift_diffusion": "finite-volume-8"}
 PROBLEMS: dict[str, Scene] = {
-    "(6), R* = 0.3": scene(0.3, {**FOLLOW_LEADER_GRID, "nx": 45, "nv": 64, "velocity_window": (-6.5, 7.5)}),
-    "(6), R* = 2": scene(2.0, {**FOLLOW_LEADER_GRID, "nx": 105, "nv": 100, "velocity_window": (-10.5, 5)}),
-    "(12), ε = 0.5, Sρ = 10": scene(INELASTIC, {"nx": 35, "nv": 80, "velocity_window": (-3.5, 5.5), "deposit": "quintic"}),
+    "follow-the-leader, R* = 0.3": scene(0.3, {**FOLLOW_LEADER_GRID, "nx": 45, "nv": 64, "velocity_window": (-6.5, 7.5)}),
+    "follow-the-leader, R* = 2": scene(2.0, {**FOLLOW_LEADER_GRID, "nx": 105, "nv": 100, "velocity_window": (-10.5, 5)}),
+    "inelastic, ε = 0.5, Sρ = 10": scene(INELASTIC, {"nx": 35, "nv": 80, "velocity_window": (-3.5, 5.5), "deposit": "quintic"}),
 }
 # Steps, most of which show the order: beyond the largest that is stable, and above round-off.
 STEPS: dict[str, dict[str, tuple[int, ...]]] = {
-    "(6), R* = 0.3": {
+    "follow-the-leader, R* = 0.3": {
         "Strang, order 4": (3, 6, 12, 24),
         "Strang, order 6": (2, 4, 8, 12),
         "Strang, order 8": (1, 2, 3, 4),
@@ -50,7 +50,7 @@ STEPS: dict[str, dict[str, tuple[int, ...]]] = {
         "Gragg, order 6": (3, 6, 12, 16),
         "Gragg, order 8": (2, 4, 6, 8),
     },
-    "(6), R* = 2": {
+    "follow-the-leader, R* = 2": {
         "Strang, order 4": (12, 24, 48, 96),
         "Strang, order 6": (8, 12, 18, 24),
         "Strang, order 8": (6, 8, 12, 16),
@@ -59,7 +59,7 @@ STEPS: dict[str, dict[str, tuple[int, ...]]] = {
         "Gragg, order 6": (12, 24, 48, 64),
         "Gragg, order 8": (24, 32, 48, 64),
     },
-    "(12), ε = 0.5, Sρ = 10": {
+    "inelastic, ε = 0.5, Sρ = 10": {
         "Strang, order 4": (64, 128, 256),
         "Strang, order 6": (48, 96, 192),
         "Strang, order 8": (32, 64, 128),
@@ -139,7 +139,7 @@ class Comparison:
 def compare(problem: str) -> bool:
     """Prints; True where every order is as it should be."""
     comparison = Comparison(PROBLEMS[problem])
-    inelastic = problem.startswith("(12)")
+    inelastic = problem.startswith("inelastic")
     steps = STEPS[problem]
     best = "Gragg, order 8" if inelastic else "Strang, order 8"
     reference = comparison.run(best, 3 * steps[best][-1], 1)[0]

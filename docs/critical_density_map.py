@@ -4,7 +4,7 @@ every density. One dataset over (density, mode), one figure.
     python docs/critical_density_map.py            # critical_density_map.nc and critical_density_map.png, four seconds
     python docs/critical_density_map.py docs/critical_density_map.png
 
-What it shows: docs/stability.md, "The critical-density map".
+What it shows: docs/stability_details.md, "The critical-density map".
 """
 
 from __future__ import annotations
@@ -52,6 +52,7 @@ def figure(found: xr.Dataset) -> Figure:
     picture.colorbar(kinetic, ax=panels[0, 1], label="Re s/γ", ticks=range(-3, 4))
     picture.colorbar(growth, ax=panels[1, 0], label="largest √G", ticks=[1, 10, 100], format="%g")
     picture.colorbar(noise, ax=panels[1, 1], label="S(k)", ticks=10.0 ** np.arange(8))
+    _contours(panels[0, 0], found, "closure_growth_rate", [-0.5, -0.3, 0.5, 1, 1.5, 2], "black")  # the sign is seen in grey too
     _contours(panels[0, 1], found, "kinetic_growth_rate", [-1, -0.3, -0.1], "black")
     _contours(panels[0, 1], found, "kinetic_growth_rate", [-30, -10, -3])
     _contours(panels[1, 0], found, "largest_growth", [1.1, 3, 10, 30, 100])

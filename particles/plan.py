@@ -115,7 +115,7 @@ def make_plan(scene: Scene, operator: CollisionLaw | None = None, own: initial.G
     """Cells no wider than a quarter of the mean free path, of the thermal free path and of 1/k of the start's shortest wave, but
     for `LEAST_IN_CELL` particles in each; steps in which friction, collisions and flight over 1/k each do a tenth of what they do
     in all, where the start is densest and for the largest differences of velocity in it. What `[particles]` gives is kept.
-    Errors: docs/particles.md.
+    Errors: docs/particles_details.md.
 
     `operator` stands in for [collisions], and `own`, an f(x, v), for [initial], which
     counts with its waves down to a tenth of the strongest:

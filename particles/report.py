@@ -20,7 +20,8 @@ def report(plan: ParticlePlan) -> dict[str, str]:
         "weight": f"{plan.weight:.6g} real particles each",
     }
     if not plan.single_file:
-        said["cells"] = f"{plan.cells}, of {plan.cell_width:.4g}; mean free path 1/(Sρ) = {plan.mean_free_path:.4g}"
+        path = f"mean free path 1/(Sρ) = {plan.mean_free_path:.4g}, at the largest density of the start"
+        said["cells"] = f"{plan.cells}, of {plan.cell_width:.4g}; {path}"
         if plan.cell_width > plan.mean_free_path:
             said["warning"] = "cells are wider than the mean free path: raise particles.cells, and particles.count with them"
         return said

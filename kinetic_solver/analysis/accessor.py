@@ -6,6 +6,7 @@ Tests: tests/interface/test_accessor.py.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -107,13 +108,15 @@ class KineticAccessor:
 
     def plot_density(self, axes: Any = None) -> Any:
         """The density over (x, time), or over time alone where nothing depends on x; returns matplotlib's axes."""
-        return _labelled(self._need("density", "output.moments").squeeze("x" if self._ds.sizes["x"] == 1 else None), axes)
+        density = self._need("density", "output.moments").squeeze("x" if self._ds.sizes["x"] == 1 else None)
+        return _labelled(density, axes, **({"cmap": "magma"} if density.ndim == 2 else {}))
 
     def plot_f(self, time: float | None = None, axes: Any = None) -> Any:
         """f over (x, v), or over v where nothing depends on x, at the frame nearest to `time`, by default the last one."""
         f = self._need("f", "output.f")
         frame = f.isel({f.dims[0]: -1}) if time is None else f.sel({f.dims[0]: time}, method="nearest")
-        return _labelled(frame.transpose(..., "x").squeeze("x" if self._ds.sizes["x"] == 1 else None), axes)
+        frame = frame.transpose(..., "x").squeeze("x" if self._ds.sizes["x"] == 1 else None)
+        return _labelled(frame, axes, **({"cmap": "magma", "vmin": 0, "extend": "neither"} if frame.ndim == 2 else {}))
 
     def plot_velocity_distribution(self, times: Sequence[float] | None = None, axes: Any = None) -> Any:
         """w(v) at the frames nearest to `times`, by default the first and the last one."""
@@ -154,7 +157,15 @@ def _labelled(field: xr.DataArray, axes: Any, **options: Any) -> Any:
         import matplotlib.pyplot as plt
 
         axes = plt.figure(layout="constrained").subplots()
-    if field.ndim == 2 and not options:
-        options = {"x": "x", "rasterized": True}
-    field.plot(ax=axes, **options)
+    if (hue := options.get("hue")) is None:
+        plane: dict[str, Any] = {"x": "x", "rasterized": True} if field.ndim == 2 else {}
+        field.plot(ax=axes, **plane, **options)
+        return axes
+    lines = field.plot.line(ax=axes, add_legend=False, **options)
+    for line, style in zip(lines, itertools.cycle(("-", "--", "-.", ":"))):  # to be told apart in grey
+        line.set_linestyle(style)
+    names = [
+        value if isinstance(value, str) else f"{hue.partition('_')[0]} = {value:.4g}" for value in field[hue].values.tolist()
+    ]
+    axes.legend(lines, names, frameon=False, loc="upper center", bbox_to_anchor=(0.5, -0.18), ncols=4)
     return axes

@@ -1,7 +1,7 @@
 """One scene above the closure's critical density by every description of the paper's system: density over (x, t), side by side.
 
 The closure (3)-(5), more moments, the kinetic equation (2), and particles, few and many, from the same waves. What it shows, and
-why: docs/clusters.md and docs/hydrodynamics.md. The scene is that of scenes/closure.toml.
+why: docs/clusters_details.md and docs/hydrodynamics_details.md. The scene is that of scenes/closure.toml.
 Tests: tests/paper/test_closure_figure.py.
 """
 
@@ -34,7 +34,7 @@ CLOSURE_REFINED = 4
 """Times as many points for the closure, whose fronts are sharp. On 257, 513, 1025, 1537 points it runs away at γt = 5.996, 5.995,
 5.932, 5.909: before the next frame after 5.9."""
 PARTICLE_POINTS = 64
-"""Of the particles' density, of which waves up to 31 are kept (docs/particles.md)."""
+"""Of the particles' density, of which waves up to 31 are kept (docs/particles_details.md)."""
 COUNTS = (10_000, 1_000_000)
 """Particles."""
 LIGHT, DARK = 0.6, 1.5
@@ -164,7 +164,7 @@ def _grouped(count: int) -> str:
 
 
 def closure_figure(dataset: xr.Dataset) -> Figure:
-    """Panels of the density over (t, x), one colour scale, and in the last the contrast of each over time."""
+    """Panels of the density over (x, t), as `plot` has them, one colour scale, and in the last the contrast of each over time."""
     scene, times = scene_of(dataset), dataset["time"].values
     figure = Figure(figsize=(9.3, 5.5), layout=ConstrainedLayoutEngine(w_pad=0.06, h_pad=0.06, hspace=0.03, wspace=0.02))
     axes = figure.subplots(2, 3)
@@ -174,28 +174,29 @@ def closure_figure(dataset: xr.Dataset) -> Figure:
         whole = np.isfinite(density[:, 0])
         half, frame = scene.pipe.length / x.size / 2, (times[1] - times[0]) / 2
         mesh = place.imshow(
-            np.append(density[whole], density[whole, :1], axis=1).T,  # the period's end is its beginning
+            np.append(density[whole], density[whole, :1], axis=1),  # the period's end is its beginning
             cmap="magma",
             vmin=LIGHT,
             vmax=DARK,
             aspect="auto",
-            origin="upper",
-            extent=(times[0] - frame, times[whole][-1] + frame, scene.pipe.length + half, -half),
+            origin="lower",
+            extent=(-half, scene.pipe.length + half, times[0] - frame, times[whole][-1] + frame),
             interpolation="bilinear",
         )
-        place.set(xlim=(times[0], times[-1]), ylim=(scene.pipe.length, 0), xticks=_whole(times))
+        place.set(xlim=(0, scene.pipe.length), ylim=(times[0], times[-1]), yticks=_whole(times))
         place.set_title(name, fontsize=11, loc="left")
         for side in ("top", "right"):
             place.spines[side].set_visible(False)
         if not whole.all():
             middle = (times[whole][-1] + times[-1]) / 2
             text = f"runs away\nafter γt = {scene.model.friction * dataset.attrs['closure_stops']:.3g}"
-            place.text(middle, scene.pipe.length / 2, text, ha="center", va="center", fontsize=11, color=GREY)
+            place.text(scene.pipe.length / 2, middle, text, ha="center", va="center", fontsize=11, color=GREY)
     _contrasts(axes[1, 2], dataset, panels)
     for place in axes[:, 0]:
-        place.set_ylabel("x, down the pipe")
-    for place in axes[1]:
-        place.set_xlabel("time γt")
+        place.set_ylabel("time γt")
+    for place in (*axes[1, :2], axes[0, 2]):
+        place.set_xlabel("x, down the pipe")
+    axes[1, 2].set_xlabel("time γt")
     for place in (*axes[:, 1], axes[0, 2]):
         place.set_yticklabels([])
     assert mesh is not None
@@ -215,9 +216,9 @@ def _whole(times: Array) -> Array:
 
 def _contrasts(place: Any, dataset: xr.Dataset, panels: list[tuple[str, Array, Array]]) -> None:
     times = dataset["time"].values
-    styles = [(ORANGE, "-", 2.2), (GREEN, "-", 4.5), ("black", "--", 1.6), ("#56B4E9", "-", 1.4), (BLUE, "-", 1.4)]
+    styles = [(ORANGE, "-", 2.2), (GREEN, "-", 4.5), ("black", "--", 1.6), ("#56B4E9", "-.", 1.4), (BLUE, ":", 1.8)]
     names = ["closure", f"{dataset.attrs['hierarchy_moments']} moments", "equation (2)"]
-    names += [name.replace("particles", "") for name, *_ in panels[3:]]
+    names += [name for name, *_ in panels[3:]]
     for (_, density, _), (colour, line, width), name in zip(panels, styles, names, strict=True):
         place.plot(times, contrast(density), color=colour, ls=line, lw=width, label=name)
     place.set(yscale="log", xlim=(times[0], times[-1]), ylim=(0.006, 0.5), xticks=_whole(times))

@@ -20,6 +20,8 @@ SYSTEMATIC = "0.75"
 """Colour of the band in which the two may differ."""
 TINY = 0.02
 """Of the bound: smaller differences are drawn on a logarithmic scale."""
+BAND = "that bound and two standard errors: one point in twenty is beyond by chance"
+"""What the wider band is."""
 NAMES = {
     "density": "density ρ",
     "mean_velocity": "mean velocity u",
@@ -52,8 +54,8 @@ def comparison_figure(found: Comparison) -> Figure:
     drawn = dict[str, Any]()
     for panel in axes.flat:
         drawn |= dict(zip(*reversed(panel.get_legend_handles_labels()), strict=True))
-    figure.legend(drawn.values(), drawn.keys(), fontsize=8, loc="outside lower center", ncols=len(drawn))
-    when = "mean over the frames after the first" if worst.time == MEAN else f"t = {worst.time:g}"
+    figure.legend(drawn.values(), drawn.keys(), fontsize=8, loc="outside lower center", ncols=len(drawn), frameon=False)
+    when = "mean over the frames after the first" if worst.time == MEAN else f"t = {worst.time:g}, where they differ most"
     figure.suptitle(f"{when}     {found.verdict}", fontsize=11)
     return figure
 
@@ -71,7 +73,7 @@ def _differences(axes: Axes, row: Row) -> None:
         share = row.difference / row.bound
         if 0 < np.nanmax(np.abs(share)) < TINY:  # a straight line, else
             axes.semilogy(row.points, np.abs(share), ".", color=GREY, ms=4)
-            axes.axhline(1, color=SYSTEMATIC, lw=4)
+            axes.axhline(1, color=SYSTEMATIC, lw=4, label="bound of the systematic part")
             axes.set_ylabel("|difference| over its bound", fontsize=8)
             return
         axes.axhspan(-1, 1, color=SYSTEMATIC, zorder=0, label="bound of the systematic part")
@@ -79,7 +81,14 @@ def _differences(axes: Axes, row: Row) -> None:
         axes.set_ylabel("difference over its bound", fontsize=8)
         return
     allowed = row.bound / row.error
-    axes.fill_between(row.points, -2 - allowed, 2 + allowed, color="0.9", zorder=0, label="that bound and two standard errors")
+    axes.fill_between(
+        row.points,
+        -2 - allowed,
+        2 + allowed,
+        color="0.9",
+        zorder=0,
+        label="that bound and two standard errors: one point in twenty is beyond by chance",
+    )
     axes.fill_between(row.points, -allowed, allowed, color=SYSTEMATIC, zorder=0, label="bound of the systematic part")
     axes.plot(row.points, row.difference / row.error, ".-", color=GREY, lw=0.8, ms=4)
     axes.set_ylabel("difference, standard errors", fontsize=8)

@@ -9,6 +9,7 @@ from kinetic_solver.plan import Plan, cost, make_plan
 from kinetic_solver.scene import FOLLOW_LEADER, INELASTIC, Scene
 from kinetic_solver.stability import critical_density, kinetic_rates
 from kinetic_solver.stability.homogeneous import homogeneous_state
+from kinetic_solver.stability.verdict import closure_in_words
 
 Row = tuple[str, str]
 
@@ -42,11 +43,11 @@ def _equation(scene: Scene) -> list[Row]:
     ]
     s = scene.cross_section
     if scene.operator == FOLLOW_LEADER:
-        rows.append(("(6)", f"C[f] = S f ρ (u - v), follow the leader, S = {s:g}"))
+        rows.append(("collisions (6)", f"C[f] = S f ρ (u - v), follow-the-leader, S = {s:g}"))
     elif scene.operator == INELASTIC:
         rows.append(
             (
-                "(12)",
+                "collisions (12)",
                 f"C[f] = S [gain - ∫f f' |v - v'| dv'], inelastic, S = {s:g}, ε = {scene.restitution:g}",
             )
         )
@@ -98,7 +99,9 @@ def _closure(scene: Scene) -> list[Row]:
     rows = []
     for mode in (1, 2, 4, 8):
         rho_c = critical_density(scene, mode)
-        rows.append((f"ρ_c of mode {mode}", f"{rho_c:.6g}   the scene's ρ = {rho:g} is {'above' if rho > rho_c else 'below'}"))
+        fate = "above: this wave grows" if rho > rho_c else "below: this wave decays"
+        rows.append((f"ρ_c of mode {mode}", f"{rho_c:.6g}   the scene's ρ = {rho:g} is {fate}"))
+    rows += zip(("is it unstable?", "which waves grow"), closure_in_words(scene), strict=False)
     rows.append(("what it means", "a property of the closure (3)-(5); equation (2) itself is linearly stable at every density"))
     return rows
 
@@ -186,7 +189,9 @@ def _stepping(plan: Plan) -> str:
     if plan.scene.operator is None:
         return "one exact step from time 0 to each frame"
     if plan.stepping == "exact":
-        return "exact steps: (2) with (6), linearised"
+        return "exact steps: with follow-the-leader collisions a transformation makes (2) linear"
+    if plan.stepping == "homogeneous":
+        return "nothing depends on x: an ordinary differential equation in velocities that follow mean and width"
     if plan.stepping == "strang":
         return "Strang splitting, order 2"
     if plan.symmetric:

@@ -22,6 +22,9 @@ BLUE, ORANGE, GREEN = "#0072B2", "#D55E00", "#009E73"
 GREY = "0.25"
 """Colour of lines and words that only help to read."""
 
+DASHES = (0, (5, 2))
+"""Of curves that are drawn over others, which are seen between the dashes."""
+
 
 def save(figure: Figure, path: str | Path) -> None:
     """Write one file, whose ending gives the format. Raises SceneError where that cannot be done."""

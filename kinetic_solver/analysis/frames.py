@@ -5,6 +5,7 @@ They are read one by one: a file may hold many more than fit into memory.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -40,7 +41,11 @@ def chosen_frames(dataset: xr.Dataset, name: str, times: Sequence[float] | None,
         for time in times:
             if not t[0] <= time <= t[-1] * (1 + SAME_TIME):
                 raise SceneError(f"time {time:g}: is beyond the frames of the file; allowed: {t[0]:g} to {t[-1]:g}")
-        return sorted({int(np.abs(t - time).argmin()) for time in times})
+        nearest = [int(np.abs(t - time).argmin()) for time in times]
+        if len(set(nearest)) < len(nearest):
+            shown = ", ".join(f"{t[n]:g}" for n in sorted(set(nearest)))
+            warnings.warn(f"times: some are nearest to the same frame, which is drawn once; drawn: {shown}", stacklevel=3)
+        return sorted(set(nearest))
     looked = some(t.size, MOST_FRAMES)
     change, before = [0.0], frame_of(dataset, name, 0)
     for n in looked[1:]:

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from kinetic_solver.dataset import velocity_axis
+from kinetic_solver.analysis.titles import in_words
+from kinetic_solver.dataset import scene_of, velocity_axis
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -78,7 +79,9 @@ def summary(dataset: xr.Dataset) -> list[str]:
         if name in a:
             value = f"{a[name]:.2g}" if isinstance(a[name], float) else a[name]
             lines.append(f"{name:<12} {value}" if len(name) > 11 else f"{name:<12}{value}")
-    lines.append(f"scene       {a.get('scene', 'none')}")
+    if "scene" in a:
+        scene = scene_of(dataset)
+        lines.append(f"scene       {in_words(scene)}, L = {scene.pipe.length:g}, until t = {scene.run.end_time:g}")
     return lines
 
 

@@ -15,10 +15,10 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-from kinetic_solver.analysis.drawing import BLUE, GREY, ORANGE
+from kinetic_solver.analysis.drawing import BLUE, DASHES, GREY, ORANGE
 from kinetic_solver.analysis.frames import fine_v, fine_x, is_counted, some
 from kinetic_solver.analysis.movie_frames import MovieFrames
-from kinetic_solver.analysis.plotting import title
+from kinetic_solver.analysis.titles import in_words, method_in_words, stopped_in_words
 from kinetic_solver.arrays import Array
 
 if TYPE_CHECKING:
@@ -45,12 +45,14 @@ class MovingPicture:
         self._of = MovieFrames(dataset, look)
         self.count = self._of.count
         self.figure = (Figure if figure is None else figure)(figsize=SIZE, dpi=DPI)
-        self.figure.set_layout_engine(ConstrainedLayoutEngine(rect=(0, 0, 1, 0.94)))  # above is room for the time
+        self.figure.set_layout_engine(ConstrainedLayoutEngine(rect=(0, 0, 1, 0.92)))  # above is room for two lines
         self._canvas = FigureCanvasAgg(self.figure) if figure is None else None
         self._updates: list[Callable[[int], None]] = []
         self._artists: list[Any] = []
         (self._over_x if self._of.with_x else self._homogeneous)()
-        self.figure.text(0.012, 0.985, title(self._of.scene), fontsize=9, color=GREY, va="top")
+        said = [method_in_words(dataset).partition(";")[0], stopped_in_words(dataset)]
+        above = f"{in_words(self._of.scene)}\n{'; '.join(filter(None, said))}"
+        self.figure.text(0.012, 0.985, above, fontsize=8, color=GREY, va="top")
         self._clock()
         self._background: Any = None
 
@@ -91,7 +93,7 @@ class MovingPicture:
             shown = [f"t = {time:.{digits}f}" for time in times]
         else:
             shown = [f"t = {time:.9g}" for time in times]
-        text = self.figure.text(0.5, 0.985, "", fontsize=12, ha="center", va="top", family="monospace")
+        text = self.figure.text(0.985, 0.985, "", fontsize=12, ha="right", va="top", family="monospace")
         self._add(text, lambda n: text.set_text(shown[n]))
 
     def _over_x(self) -> None:
@@ -122,7 +124,7 @@ class MovingPicture:
         if self._of.has_w:
             axes = self.figure.add_subplot(1, columns, 2)
             self._draw_w(axes, along_y=False)
-            axes.legend(frameon=False, fontsize=8, loc="upper right")
+            axes.legend(frameon=False, fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.1), ncols=3)
 
     def _draw_density(self, axes: Any) -> None:
         def curve(n: int) -> tuple[Array, Array]:
@@ -166,7 +168,7 @@ class MovingPicture:
                 line.set_data(x, np.append(values, values[0]))
 
             self._add(line, update)
-        axes.legend(frameon=False, fontsize=9, loc="upper right", ncols=2)
+        axes.legend(frameon=False, fontsize=9, loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0, ncols=2)
 
     def _draw_w(self, axes: Any, along_y: bool) -> None:
         """w(v), the Gaussian of the same mean and variance, and where it began; the velocities upwards beside f."""
@@ -187,10 +189,7 @@ class MovingPicture:
 
         fine, curve, _ = both(0)
         axes.plot(*place(fine, curve), color=GREY, lw=1, alpha=0.45, label="at the start")
-        if not self._of.cut:  # else it is not known
-            (gaussian,) = axes.plot([], [], color=ORANGE, lw=1.2, ls=(0, (4, 2)), label="Gaussian, same moments")
-            self._add(gaussian, lambda n: gaussian.set_data(*place(both(n)[0], both(n)[2])))
-        (line,) = axes.plot([], [], color=BLUE, lw=1.8, label="w(v)")
+        (line,) = axes.plot([], [], color=BLUE, lw=3, alpha=0.7, label="w(v)")
         top = (0, 1.05 * self._of.largest_w)
         if along_y:
             axes.set(xlabel="w(v)", xlim=top, ylim=self._of.speeds)
@@ -198,6 +197,9 @@ class MovingPicture:
         else:
             axes.set(xlabel="velocity v", ylabel="w(v)", ylim=top, xlim=self._of.speeds)
         self._add(line, lambda n: line.set_data(*place(*both(n)[:2])))
+        if not self._of.cut:  # else it is not known
+            (gaussian,) = axes.plot([], [], color="k", lw=0.9, ls=DASHES, label="Gaussian, same moments")
+            self._add(gaussian, lambda n: gaussian.set_data(*place(both(n)[0], both(n)[2])))
         self._say_other_time(axes, "velocity_distribution")
 
     def _draw_history(self, axes: Any) -> None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from matplotlib.colors import LogNorm
 
-from kinetic_solver.analysis.drawing import GREY, shades
+from kinetic_solver.analysis.drawing import DASHES, GREY, shades
 from kinetic_solver.analysis.frames import FINE_V, fine_v, fine_x, frame_of, is_counted, some, times_of
 from kinetic_solver.arrays import Array
 from kinetic_solver.dataset import scene_of, velocity_axis
@@ -93,7 +93,7 @@ def profiles(axes: Any, dataset: xr.Dataset, name: str, shown: list[int]) -> Non
 
 
 def velocity_distribution(axes: Any, dataset: xr.Dataset, shown: list[int]) -> None:
-    """w(v), each frame over a Gaussian of its mean and variance; of particles as steps, with bands of one standard error."""
+    """w(v), each frame under a Gaussian of its mean and variance; of particles as steps, with bands of one standard error."""
     over = velocity_axis(dataset)
     t, v = times_of(dataset, "velocity_distribution"), dataset[over].values
     w = {n: frame_of(dataset, "velocity_distribution", n) for n in shown}
@@ -104,17 +104,17 @@ def velocity_distribution(axes: Any, dataset: xr.Dataset, shown: list[int]) -> N
         mean = (v * w[n]).sum() * dv / mass
         variance = ((v - mean) ** 2 * w[n]).sum() * dv / mass
         if is_counted(dataset):
-            axes.stairs(w[n], edges, color=colour, lw=1.5, label=f"t = {t[n]:.3g}")
+            axes.stairs(w[n], edges, color=colour, lw=1, label=f"t = {t[n]:.3g}")
             if "velocity_distribution_stderr" in dataset:
                 error = frame_of(dataset, "velocity_distribution_stderr", n)
-                axes.stairs(w[n] + error, edges, baseline=w[n] - error, fill=True, color=colour, alpha=0.3, lw=0)
+                axes.stairs(w[n] + error, edges, baseline=w[n] - error, fill=True, color=colour, alpha=0.45, lw=0)
             fine = np.linspace(v[0], v[-1], FINE_V)
         else:
             fine, curve = fine_v(dataset, w[n])
-            axes.plot(fine, curve, color=colour, lw=2, label=f"t = {t[n]:.3g}")
+            axes.plot(fine, curve, color=colour, lw=3.5, alpha=0.6, label=f"t = {t[n]:.3g}")
         gaussian = mass * np.exp(-((fine - mean) ** 2) / (2 * variance)) / np.sqrt(2 * np.pi * variance)
-        axes.plot(fine, gaussian, color=colour, lw=1, ls=(0, (3, 2)))
-    axes.plot([], [], color=GREY, lw=1, ls=(0, (3, 2)), label="Gaussian")
+        axes.plot(fine, gaussian, color="k", lw=0.8, ls=DASHES, zorder=3)  # thin and on top: seen where it is w(v) itself
+    axes.plot([], [], color="k", lw=0.8, ls=DASHES, label="Gaussian of its\nmean and variance")
     top = max(float(values.max()) for values in w.values())
     visible = v[np.any([values > 1e-3 * top for values in w.values()], axis=0)]
     labels = {"xlabel": "v", "ylabel": "w(v)"} if over == "v" else {"xlabel": SCALED_LABEL, "ylabel": "s w(v)"}

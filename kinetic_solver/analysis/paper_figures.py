@@ -1,7 +1,7 @@
 """The paper's Figures 2 and 3: particles below and above the critical density of its closure, at its times, beside equation (2).
 
 The paper gives times of 0, 3 and 500 s and no parameters: times are read as multiples of 1/γ, and R* = 0.5 and 4 are chosen on
-both sides of the closure's limit 7√3/9 = 1.347. What the pictures show, and why: docs/clusters.md.
+both sides of the closure's limit 7√3/9 = 1.347. What the pictures show, and why: docs/clusters_details.md.
 Tests: tests/paper/test_figs_2_3.py.
 """
 
@@ -41,7 +41,7 @@ LEAST_COUNT = 2 * BINS
 """The fewest particles of which a histogram says anything: two to a bin."""
 OUT_OF_RANGE = "has left its range"
 """What is said of linear theory beyond `LARGEST_CONTRAST`."""
-PARTICLES, EQUATION, GAUSSIAN, TWO = "0.45", BLUE, "#000000", ORANGE
+PARTICLES, EQUATION, GAUSSIAN, TWO = "0.8", BLUE, "#000000", ORANGE
 """Colours."""
 
 
@@ -237,31 +237,31 @@ def save_snapshots(dataset: xr.Dataset, path: str | Path) -> None:
 def draw_snapshots(dataset: xr.Dataset) -> Figure:
     """The dataset of `snapshots` as a picture of two rows: the density over x, and w(v), at each of its times."""
     scene = scene_of(dataset)
-    figure = Figure(figsize=(12, 6.6), layout="constrained")
+    figure = Figure(figsize=(12, 7), layout="constrained")
     axes = figure.subplots(2, dataset.sizes["time"], sharey="row", sharex="row", squeeze=False)
     width = scene.pipe.length / dataset.sizes["bin"]
     dv = float(dataset["v_bin"][1] - dataset["v_bin"][0])
     for (top, bottom), time in zip(axes.T, dataset["time"].values, strict=True):
         frame = dataset.sel(time=time)
-        top.bar(frame["bin"], frame["density_histogram"], width, color=PARTICLES, label="particles")
-        top.axhline(1, color=EQUATION, lw=1.8, label="equation (2)")
+        top.bar(frame["bin"], frame["density_histogram"], width, color=PARTICLES, label="particles, counted")
+        top.axhline(1, color=EQUATION, lw=4, alpha=0.7, label="equation (2)")
         top.set_title(f"t = {time:g}/γ" if time else "t = 0")
         top.set_xlim(0, scene.pipe.length)
         top.set_xlabel("x")
         bottom.bar(frame["v_bin"], frame["histogram"], dv, color=PARTICLES)
-        bottom.plot(frame["v_bin"], frame["equation"], color=EQUATION, lw=1.8, label="equation (2)")
-        bottom.plot(frame["v_bin"], frame["gaussian"], color=GAUSSIAN, lw=1, ls="--", label="Gaussian of that mean and variance")
-        bottom.plot(frame["v_bin"], frame["two_fitted"], color=TWO, lw=1.6, label="two populations, fitted")
-        bottom.plot(
-            frame["v_bin"], frame["two_populations"], color=TWO, lw=1, ls=":", label="two populations of the two densities"
-        )
+        # From wide to narrow: each is seen where all of them coincide.
+        bottom.plot(frame["v_bin"], frame["equation"], color=EQUATION, lw=4, alpha=0.7)
+        bottom.plot(frame["v_bin"], frame["two_fitted"], color=TWO, lw=2, label="two populations, fitted")
+        bottom.plot(frame["v_bin"], frame["gaussian"], color=GAUSSIAN, lw=1, ls=(0, (5, 3)), label="one Gaussian")
+        bottom.plot(frame["v_bin"], frame["two_populations"], color=GAUSSIAN, lw=1.2, ls=":", label="two of the densities seen")
         bottom.set_xlabel("v")
     axes[0, 0].set_ylabel("density over its mean")
     axes[1, 0].set_ylabel("w(v), per particle")
-    axes[0, 0].legend(fontsize=8)
-    axes[1, 0].legend(fontsize=7, loc="upper left")
-    axes[1, 0].set_ylim(top=1.5 * float(dataset["histogram"].max()))
-    kind = "operator (12), ε = 0.5" if scene.operator == INELASTIC else "operator (6)"
+    drawn = [panel.get_legend_handles_labels() for panel in axes[:, 0]]
+    handles, labels = ([*first, *second] for first, second in zip(*drawn, strict=True))
+    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False)
+    axes[1, 0].set_ylim(top=1.08 * max(float(dataset[name].max()) for name in ("histogram", "equation", "two_fitted")))
+    kind = "inelastic collisions, ε = 0.5" if scene.operator == INELASTIC else "follow-the-leader collisions"
     number, expected = scene.groups.collision_number, expected_contrast(scene)
     predicted = f"linear theory of noise: density contrast {expected:.2g}"
     if expected > LARGEST_CONTRAST:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -12,10 +12,10 @@ from matplotlib.figure import Figure
 from kinetic_solver.analysis import panels
 from kinetic_solver.analysis.drawing import ORANGE, save
 from kinetic_solver.analysis.frames import chosen_frames, times_of
+from kinetic_solver.analysis.titles import in_words, method_in_words, stopped_in_words
 from kinetic_solver.arrays import Array
-from kinetic_solver.dataset import STOPPED, scene_of
+from kinetic_solver.dataset import scene_of
 from kinetic_solver.errors import SceneError
-from kinetic_solver.scene import INELASTIC, Scene
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -71,38 +71,10 @@ def _nearest(dataset: xr.Dataset, name: str, shown: Array) -> list[int]:
 
 def _title(figure: Figure, dataset: xr.Dataset) -> None:
     """The scene; the method and its grid; in colour, what a reader must know before the picture is believed."""
-    said = [title(scene_of(dataset)), _of_method(dataset)]
-    warned = []
-    if "status" in dataset and int(dataset["status"]) == STOPPED:
-        end = scene_of(dataset).run.end_time
-        warned.append(f"stopped at t = {times_of(dataset, 'density')[-1]:.4g} of {end:g}")
+    said = [in_words(scene_of(dataset)), method_in_words(dataset)]
+    warned = [stopped] if (stopped := stopped_in_words(dataset)) else []
     if dataset.sizes["x"] > 1 and panels.are_beads(dataset):
         warned.append("fronts move far between frames, which the map shows as beads: a smaller run.output_every shows them move")
     figure.suptitle("\n".join(said), fontsize=11)
     if warned:
         figure.supxlabel("; ".join(warned), fontsize=11, color=ORANGE)
-
-
-def title(scene: Scene) -> str:
-    """A scene in a line: its collisions, its numbers."""
-    if scene.collisions is None:
-        kind = "no collisions"
-    else:
-        kind = f"{scene.collisions.operator} collisions"
-        number, rate = scene.groups.collision_number, scene.cross_section * scene.initial.density
-        kind += f", R* = {number:.3g}" if np.isfinite(number) else f", Sρ = {rate:.3g}"
-        if scene.operator == INELASTIC:
-            kind += f", ε = {scene.restitution:g}"
-    return f"{kind}     g = {scene.model.gravity:g}, γ = {scene.model.friction:g}, σ = {scene.model.noise:g}"
-
-
-def _of_method(dataset: xr.Dataset) -> str:
-    attrs: dict[str, Any] = dataset.attrs
-    method = str(attrs.get("method", "unknown"))
-    if panels.is_counted(dataset):
-        wanted = scene_of(dataset).particles
-        return f"{method}: {wanted.count} × {dataset.sizes.get('replica', 1)}, bands of one standard error"
-    used = str(attrs.get("grids", "")).splitlines()
-    grid = used[-1].partition(": ")[2] if used else ""
-    more = f", rtol = {scene_of(dataset).accuracy.rtol:g}" if method == "grid" else ""
-    return f"method {method}{more}{': ' + grid if grid else ''}"

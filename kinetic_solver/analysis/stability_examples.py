@@ -1,4 +1,4 @@
-"""Pictures of linear theory beyond one scene, those of docs/stability.md: closures of M moments, S(k), transient growth.
+"""Pictures of linear theory beyond one scene, those of docs/stability_details.md: closures of M moments, S(k), transient growth.
 
 Blue is the kinetic equation, orange its closure; where curves differ in R*, darker is less.
 """
@@ -91,8 +91,8 @@ def _structure_factors() -> Figure:
         _labelled(
             inelastic, k, factor, limit, colour, f"ε = {restitution:g}, R* = {number:g}", below=number == 1 and restitution > 0
         )
-    leader.set(title="operator (6); marks: k → 0, exp(R*²)(1 + erf R*)", yscale="log", ylim=(0.4, 1e8))
-    inelastic.set(title="operator (12); marks: k → 0, σ/(d(ρθ)/dρ)", yscale="log", ylim=(0.8, 20))
+    leader.set(title="follow-the-leader collisions (6); bars: k → 0, exp(R*²)(1 + erf R*)", yscale="log", ylim=(0.4, 1e8))
+    inelastic.set(title="inelastic collisions (12); bars: k → 0, σ/(d(ρθ)/dρ)", yscale="log", ylim=(0.8, 20))
     for axes in (leader, inelastic):
         axes.set(xscale="log", xlabel="k* = k √σ/γ", ylabel="structure factor S(k)", xlim=(k[0] / 1.6, k[-1]))
         axes.axhline(1, color=GREY, lw=1, ls="--")
@@ -112,7 +112,7 @@ def _labelled(
     axes.plot(k, values, color=colour, lw=2)
     axes.plot([k[0] / 1.6, k[0] / 1.12], [limit, limit], color=colour, lw=4, solid_capstyle="butt")
     place, side = (0.96, "top") if below else (1.04, "bottom")
-    axes.text(k[0] * 1.1, values[0] * place, label, color=colour, va=side, fontsize=9)
+    axes.text(k[0] * 1.1, values[0] * place, label, color="k", va=side, fontsize=9)
 
 
 def _growth() -> Figure:
@@ -137,7 +137,7 @@ def _growth() -> Figure:
     gain.plot(t, np.exp(-t), color=GREY, lw=1, ls="--", label="exp(-k*²γt): a mode alone")
     gain.axhline(1, color=GREY, lw=0.8)
     gain.set(yscale="log", xlim=(0, 10), ylim=(1e-4, 1e4), xlabel="time γt", ylabel=r"$\sqrt{G_\rho}$, largest relative density")
-    gain.set_title("largest growth at k* = 1: every mode decays, their sum first grows", fontsize=11)
+    gain.set_title("largest growth at k* = 1: each mode decays, yet their sum grows at first", fontsize=11)
     gain.legend(frameon=False, fontsize=9, ncols=4, loc="upper center", bbox_to_anchor=(0.5, -0.11))
     plain_logs(gain.yaxis, 8)
     gain.grid(alpha=0.3)

@@ -61,8 +61,8 @@ def _scene_figure(scene: Scene) -> Figure:
 def _name(scene: Scene) -> str:
     number = scene.groups.collision_number
     if scene.operator == INELASTIC:
-        return f"operator (12), ε = {scene.restitution:g}, R* = {number:.4g}"
-    return f"operator (6), R* = {number:.4g}" if scene.operator else "no collisions"
+        return f"inelastic collisions, ε = {scene.restitution:g}, R* = {number:.4g}"
+    return f"follow-the-leader collisions, R* = {number:.4g}" if scene.operator else "no collisions"
 
 
 def _at(scene: Scene, wavenumber: float) -> Scene:

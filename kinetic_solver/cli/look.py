@@ -19,7 +19,7 @@ def beside(run: Path, ending: str) -> Path:
 def plot(
     run: RunPath,
     output: Annotated[Path | None, typer.Option("-o", "--output", metavar="OUT.png", help="Default: OUT.png.")] = None,
-    times: Annotated[str | None, typer.Option(help="Times of the f(x, v) panels, up to 12, as 0,1.5,3: nearest frames.")] = None,
+    times: Annotated[str | None, typer.Option(help="Times of w(v) and f(x, v), up to 12, as 0,1.5,3: nearest frames.")] = None,
     overwrite: Overwrite = False,
 ) -> None:
     """Draw density, mean velocity and temperature over (x, t), the velocity distribution, and f(x, v)."""
@@ -29,7 +29,6 @@ def plot(
         from kinetic_solver.errors import SceneError
 
         target = output or beside(run, ".png")
-        refuse_existing(target, overwrite)
         try:
             chosen = [float(part) for part in times.split(",")] if times else None
         except ValueError:
@@ -37,6 +36,7 @@ def plot(
         if chosen and not all(math.isfinite(time) for time in chosen):
             raise SceneError(f"--times {times!r}: expected finite numbers")
         with open_run(run) as dataset:
+            refuse_existing(target, overwrite)  # after the run has been found to be one
             save_overview(dataset, target, chosen)
         print(f"wrote {target}")
 
@@ -96,3 +96,4 @@ def info(run: RunPath, as_json: AsJson = False) -> None:
                 return
             for line in summary(dataset):
                 print(line)
+            print("            all of its keys: --json")

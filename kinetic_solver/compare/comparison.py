@@ -7,7 +7,7 @@ the comparison the least of all times their number (Bonferroni), where means ove
 each: whatever is correlated with what, datasets of the same scene are said to differ at most at the rate `level`. Where neither
 has chance in it, they differ if a point does by more than the bound.
 Tests: tests/cross_validation/compare/. The rate at which right scenes pass and errors of 1 % are found:
-docs/compare.md.
+docs/compare_details.md.
 """
 
 from __future__ import annotations

@@ -22,7 +22,7 @@ HIGHEST = 1000
 STEP, CELLS = 0.1, 0.025
 """Relative error of particles for a step as long as the shortest time, and for a cell as wide as the shortest length; both
 errors are of second order. About twice the largest measured for (6) at R* = 0.3 and 1 and for (12) at ε = 0 and 0.5
-(docs/particles.md, "Convergence"; `benchmarks.particles_validation` asserts it)."""
+(docs/particles_measured.md, "Convergence"; `benchmarks.particles_validation` asserts it)."""
 
 
 def systematic_parts(dataset: xr.Dataset, scene: Scene) -> dict[str, float]:
@@ -57,8 +57,8 @@ def contact_excess(scene: Scene, waves: int) -> float:
 
     The sum is over the waves that cells hold, or without cells as many as there are particles; for (6) it grows with their
     number, as its cube root. S is computed at 24 waves up to `HIGHEST` and taken to be a power of m between them, and S - 1 to
-    fall as m^(-2/3) beyond. The fields' bias is less for R* ≤ 1, 0.28 of it at most (docs/particles.md); beyond R* = 1.3 that is
-    not measured.
+    fall as m^(-2/3) beyond. The fields' bias is less for R* ≤ 1, 0.28 of it at most (docs/particles_measured.md); beyond R* =
+    1.3 that is not measured.
     """
     if scene.model.friction * scene.model.noise == 0:
         return 0.0

@@ -43,7 +43,20 @@ def open_netcdf(path: str | Path, source: str | None = None) -> xr.Dataset:
     except SceneError:
         raise
     except (OSError, ValueError, RuntimeError):
+        if _is_scene(there):
+            raise SceneError(f"{where}: is a scene, no dataset; run it first, and give the file that it writes") from None
         raise SceneError(f"{where}: is not a readable netCDF file") from None
+
+
+def _is_scene(path: Path) -> bool:
+    """Whether a file reads as TOML with tables in it, as scenes do."""
+    import tomllib
+
+    try:
+        with path.open("rb") as file:
+            return any(isinstance(value, dict) for value in tomllib.load(file).values())
+    except (OSError, ValueError):
+        return False
 
 
 def open_run(path: str | Path) -> xr.Dataset:

@@ -1,7 +1,8 @@
 """Shocks of (2) with operator (6), on the line: homogeneous states side by side, in closed form.
 
-With Φ_x = ρ, Φ_t = -ρu and f = F exp(-SΦ) the equation for F is linear (docs/theory.md). The homogeneous state of density ρ_i
-is one of its solutions, F_i = ρ_i N(v; u_i, σ) exp[S(ρ_i x - ρ_i u_i t)] with u_i = (g - Sρ_iσ)/γ, so sums of them are too:
+With Φ_x = ρ, Φ_t = -ρu and f = F exp(-SΦ) the equation for F is linear (docs/theory_details.md). The homogeneous state of
+density ρ_i is one of its solutions, F_i = ρ_i N(v; u_i, σ) exp[S(ρ_i x - ρ_i u_i t)] with u_i = (g - Sρ_iσ)/γ, so sums of them
+are too:
 
     f = Σ w_i ρ_i N(v; u_i, σ),   w_i ∝ exp[S(ρ_i x - ρ_i u_i t) + b_i],   Σ w_i = 1.
 
@@ -76,7 +77,7 @@ def shocks(scene: Scene, densities: ArrayLike, positions: ArrayLike, times: Arra
         },
         {
             "method": "exact",
-            "title": "Shocks of the kinetic equation (2) with operator (6), on the line",
+            "title": "Shocks of the kinetic equation (2) with follow-the-leader collisions, on the line",
             "scene": scene.model_dump_json(by_alias=True, exclude_none=True),
             "densities": rho,
             "positions": fronts,

@@ -1,7 +1,7 @@
 """The exact solution of the nonlinear equation (2) with operator (6), and without collisions.
 
 It shares no numerics with the grid solver. With Φ_x = ρ, Φ_t = -ρu and f = F exp(-SΦ), F obeys the linear Kramers equation,
-whose Green's function N2(x, v | y) for particles that start at y is a Gaussian in (x, v) (docs/theory.md). So for
+whose Green's function N2(x, v | y) for particles that start at y is a Gaussian in (x, v) (docs/theory_details.md). So for
 every Maxwellian start, ρ0, u0 and θ0 depending on y as they may,
 
     f(x, v, t) = ∫ρ0(y) exp(SΦ0(y)) N2(x, v | y) dy / E(x),    E(x) = exp(SΦ(x, t)) = ∫exp(SΦ0(y)) φ(ξ) (-dξ/dy) dy,

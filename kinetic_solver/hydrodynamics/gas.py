@@ -2,7 +2,7 @@
 
 At fixed ρ gravity, friction and noise take u to the terminal velocity and θ to σ, linearly in U = (ρ, ρu, ½ρ(u² + θ)).
 Collisions (6), by (8) and (9), exert the force -Sρθ per particle, which heats nobody: its work is the force times u. Collisions
-(12), by (14) with its ρ² (docs/theory.md), exert none and cost the energy S(1 - ε²)/√π ρ²θ^{3/2} per length and time."""
+(12), by (14) with its ρ² (docs/theory_details.md), exert none and cost the energy S(1 - ε²)/√π ρ²θ^{3/2} per length and time."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ LONGEST_EULER = 4 / 3
 """Of the Euler steps that a step consists of, over its length."""
 RUNAWAY = 100.0
 """Waves faster than this many times those of the start and of a gas at rest at temperature σ: of collisions that heat what they
-slow, and slow what is hot, without bound (docs/hydrodynamics.md). No scene that settles has come near."""
+slow, and slow what is hot, without bound (docs/hydrodynamics_details.md). No scene that settles has come near."""
 COURANT = 0.8
 """α dt/dx of the longest Euler step. Above 1 nothing is positive; the rest is for waves that become faster within a step."""
 

@@ -28,12 +28,12 @@ def solve(scene: Scene, progress: bool | Progress | None = None) -> xr.Dataset:
     """The paper's hydrodynamic equations for `scene`: density, mean velocity, temperature and heat flux over (time, x), and
     totals.
 
-    The closure (3)-(5), or with `hydrodynamics.moments` = M the Hermite hierarchy of M moments (docs/hydrodynamics.md). The
-    closure is solved as conservation laws: mass to rounding, density and temperature positive, shocks captured, order 3 in time
-    and 5 in x. What [grid] leaves open is refined until `accuracy.rtol` is met: in the maximum norm while the flow is smooth,
-    in L1 once it has jumps; the attributes say which, and the errors estimated. Values are at the points x. Raises SceneError
-    where the scene cannot be run, and SolverStopped where a run cannot go on. `progress` as of `kinetic_solver.solve`. Tests:
-    tests/hydrodynamics/."""
+    The closure (3)-(5), or with `hydrodynamics.moments` = M the Hermite hierarchy of M moments (docs/hydrodynamics_details.md).
+    The closure is solved as conservation laws: mass to rounding, density and temperature positive, shocks captured, order 3 in
+    time and 5 in x. What [grid] leaves open is refined until `accuracy.rtol` is met: in the maximum norm while the flow is
+    smooth, in L1 once it has jumps; the attributes say which, and the errors estimated. Values are at the points x. Raises
+    SceneError where the scene cannot be run, and SolverStopped where a run cannot go on. `progress` as of
+    `kinetic_solver.solve`. Tests: tests/hydrodynamics/."""
     with telling(progress) as told:
         plan = make_plan(scene)
         recorder = MemoryRecorder(plan.output, scene, plan.schedule, "hydrodynamics", variables(plan))

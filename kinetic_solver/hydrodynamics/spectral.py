@@ -20,7 +20,7 @@ from kinetic_solver.stability.units import Complex
 
 SHARE = 0.02
 """Of rtol, the error per relaxation time 1/γ that steps may make: what operator (6) amplifies (exp(R*²/2) at most,
-docs/stability.md) fits up to R* ≈ 3."""
+docs/stability_details.md) fits up to R* ≈ 3."""
 TAIL = 0.1
 """Of rtol, what the shortest eighth of the waves may hold of ρ̄."""
 GROW = 1.5

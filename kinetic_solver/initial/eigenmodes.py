@@ -1,4 +1,5 @@
-"""Starts from eigenmodes of the linearised equation on the homogeneous state: `initial.eigenmodes` (docs/stability.md)."""
+"""Starts from eigenmodes of the linearised equation on the homogeneous state: `initial.eigenmodes`
+(docs/stability_details.md)."""
 
 from __future__ import annotations
 

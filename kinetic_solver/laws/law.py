@@ -30,8 +30,9 @@ class CollisionLaw:
     conserves: ClassVar[tuple[str, ...]] = ("mass",)
     """Of "mass", "momentum" and "energy", at every x. Checked on the start of every run; without mass there is no run."""
     linearises: ClassVar[bool] = False
-    """Whether a change of variables makes (2) linear, and an exact step of any length: operator (6) alone (docs/theory.md).
-    Such a law amplifies: a disturbance slower than the mean by w grows as exp(νw) while friction has not brought it back."""
+    """Whether a change of variables makes (2) linear, and an exact step of any length: operator (6) alone
+    (docs/theory_details.md). Such a law amplifies: a disturbance slower than the mean by w grows as exp(νw) while friction has
+    not brought it back."""
 
     def rate(self, f: Array, v: Array) -> Array:
         """∂f/∂t by collisions, (nx, nv): f (nx, nv) holds point values at uniform velocities v (nv,)."""

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kinetic_solver.plan import relaxing
+from kinetic_solver.plan import homogeneous, relaxing
 from kinetic_solver.plan.plan import Plan
 
 PRODUCT = 2.2e-11
@@ -98,6 +98,8 @@ def _least(work: object, times: int = 5) -> float:
 def _stepping(plan: Plan) -> float:
     nx, nv = plan.grid.nx, plan.grid.nv
     points, steps = nx * nv, plan.expected_steps
+    if plan.stepping == "homogeneous":
+        return homogeneous.seconds(plan.scales)
     if plan.stepping == "exponential":
         return relaxing.exponential_seconds(plan.scales, plan.grid, shared=1.0) + steps * (CALLS["extrapolated"] + points * LOOK)
     product, transform = points * nv * PRODUCT, points * TRANSFORM * max(1.0, math.log2(max(nx, 2)) / 6)

@@ -1,7 +1,7 @@
 """The velocity window, and how fine dv must be: every criterion is an upper bound of dv, or an edge of the window.
 
 Bounds the errors of f over max f by what is cut off at the edges (amplified, with (6)), by the waves in v that dv cannot hold, by
-kernels that it cannot resolve, and by the schemes that replace them. The rules in words: docs/accuracy.md.
+kernels that it cannot resolve, and by the schemes that replace them. The rules in words: docs/rules.md.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ def window(scales: Scales) -> Window:
     """Mean ± tail of every Maxwellian that the flow passes through.
 
     For (6) the slow side reaches further by twice R_t√θ: once since dense places move that much slower, once since a disturbance
-    there is amplified by up to exp(R_t w) (docs/theory.md, amplification).
+    there is amplified by up to exp(R_t w) (docs/theory_details.md, amplification).
     """
     low, high = scales.means
     thermal = math.sqrt(scales.theta_max)
@@ -67,7 +67,7 @@ def window(scales: Scales) -> Window:
     slower = 0.0
     if scales.amplifies:
         slower = 2 * scales.slowing
-        reason += ", and the amplified slow tail of (6)"
+        reason += ", and the slow tail that follow-the-leader collisions amplify"
     return Window(low - reach - slower, high + reach, reason)
 
 

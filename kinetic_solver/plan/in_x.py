@@ -93,7 +93,7 @@ def points_from_now_on(scales: Scales, waves: Waves, modes: int, density: Array)
 
 def fronts(scales: Scales, density: Array) -> Criterion:
     """Modes of the fronts that (6) can make of a density: tanh profiles of width 2/(S Δρ), with the spectrum exp(-πk/(SΔρ))
-    (docs/theory.md: shocks)."""
+    (docs/theory_details.md: shocks)."""
     contrast = scales.cross_section * float(np.ptp(density))
     k = contrast * math.log(DROPPED / scales.rtol) / math.pi
     return Criterion(k * scales.scene.pipe.length / (2 * math.pi), "the fronts that collisions can make")

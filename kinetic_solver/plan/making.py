@@ -19,17 +19,18 @@ from kinetic_solver import initial
 from kinetic_solver.dataset import VARIABLES
 from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.laws import CollisionLaw, check_frequency, check_law
-from kinetic_solver.plan import choices, in_hermite, in_t, in_v, in_x, limits, measured, relaxing
+from kinetic_solver.plan import choices, homogeneous, in_hermite, in_t, in_v, in_x, limits, measured, relaxing
 from kinetic_solver.plan.cooling import may_scale
 from kinetic_solver.plan.cost import cost
 from kinetic_solver.plan.criterion import Criterion, strictest
 from kinetic_solver.plan.moving_frame import ReferenceFrame
 from kinetic_solver.plan.output import output_grids
-from kinetic_solver.plan.plan import Plan
+from kinetic_solver.plan.plan import Plan, Stepping
 from kinetic_solver.plan.refusal import ARITHMETIC, Refused, explained, out_of_range
 from kinetic_solver.plan.scales import Scales, scales_of
 from kinetic_solver.plan.waves import Waves
 from kinetic_solver.scene import (
+    DriftDiffusionScheme,
     Scene,
     Schedule,
     VelocityScheme,
@@ -95,6 +96,8 @@ def _make_plan(scene: Scene, known: Mapping[str, str], law: CollisionLaw | None,
     chosen: dict[str, str | None] = dict(known)
     if frame.cooling > 0:
         chosen["reference_frame"] = f"the frame's velocities shrink with the gas, by 1 + {frame.cooling:.3g} t: it cools"
+    if homogeneous.serves(scales):
+        return _in_one_place(scene, here, schedule, frame, scales, chosen)
     velocity, stepping = choices.velocity(scales), choices.stepping(scales)
     low, high = inner.grid.velocity_window or _window(scales, chosen)
     deposit, chosen["deposit"] = choices.deposit(scales)
@@ -149,6 +152,24 @@ def _make_plan(scene: Scene, known: Mapping[str, str], law: CollisionLaw | None,
     )
     limits.of_memory(plan.memory, grid)
     return plan
+
+
+def _in_one_place(
+    scene: Scene, here: Scales, schedule: Schedule, frame: ReferenceFrame, scales: Scales, chosen: dict[str, str | None]
+) -> Plan:
+    """Of a run of (12) in which nothing depends on x."""
+    grid = homogeneous.velocity_grid(scales)
+    chosen["velocity_window"] = chosen["nv"] = "all that f may come to, to round-off"
+    chosen["stepping"] = "nothing depends on x"
+    limits.of_velocities(grid.nv, "to hold the start, and the narrow state to which it relaxes")
+    output, whole = output_grids(grid, frame, scales.times, scene)
+    reasons = MappingProxyType({name: reason for name, reason in chosen.items() if reason})
+    schemes: tuple[VelocityScheme, Stepping, DriftDiffusionScheme] = ("points", "homogeneous", "kernel")
+    steps, share = len(scales.times) - 1, in_t.error_share(scales)
+    waves = Waves(scales)
+    return Plan(
+        scene, here.start, schedule, frame, scales, waves, grid, output, whole, *schemes, None, None, 0.0, steps, share, reasons
+    )
 
 
 def _cooling_from_a_file(scene: Scene, law: CollisionLaw | None) -> Plan | None:

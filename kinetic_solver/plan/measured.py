@@ -63,7 +63,7 @@ number of steps is foretold within a factor of two at rtol from 1e-3 to 1e-5 and
 seeds 1 to 12; tests/convergence/test_costs.py."""
 LAWSON_GAIN = 1.2
 """G: a step of the extrapolated Lawson method that errs by e max f without the extrapolation errs by about G e^1.2 with it. Held
-against steps so short that they have no error: benchmarks/steps_error.py, docs/accuracy.md."""
+against steps so short that they have no error: benchmarks/steps_error.py, docs/rules.md."""
 EXPONENTIAL_GAIN = 4.0
 """G of the exponential method. With 0.8 the temperature of a wave with ε = 0, Sρ = 100 came out 1.3 rtol off at rtol 1e-3, with 4
 0.46, of which 0.3 are the grid's (benchmarks/hard_cases.py)."""
@@ -85,4 +85,4 @@ t = 1/2: 6e-5 on 567 points, 2e-4 on 1125. benchmarks/accuracy_rules.py."""
 
 HERMITE_PAYS = 3
 """How many times fewer Hermite functions than velocity points pay with (12): at rtol = 1e-8 with a fifth as many, 7 to 9 times
-faster; at 1e-6 with half as many hardly. docs/accuracy.md, rules for the velocity."""
+faster; at 1e-6 with half as many hardly. docs/rules.md, rules for the velocity."""

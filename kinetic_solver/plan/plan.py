@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
+from typing import Literal
 
 from kinetic_solver import initial
 from kinetic_solver.arrays import Array
@@ -25,7 +26,11 @@ from kinetic_solver.scene import (
 
 STATE_ARRAYS = 30
 """Arrays of the size of f alive at once: the state, its transform, collision stages, diagnostics. Counted, generously."""
-STEP_LENGTHS: Mapping[SteppingScheme, int] = MappingProxyType({"exact": 2, "strang": 2, "extrapolated": 8, "exponential": 3})
+Stepping = SteppingScheme | Literal["homogeneous"]
+"""What `[grid]` may name, and what serves runs of one place without tables (plan/homogeneous.py)."""
+STEP_LENGTHS: Mapping[Stepping, int] = MappingProxyType(
+    {"exact": 2, "strang": 2, "extrapolated": 8, "exponential": 3, "homogeneous": 0}
+)
 """Lengths of steps for which tables are kept at a time."""
 
 
@@ -50,7 +55,7 @@ class Plan:
     whole: PhaseSpaceGrid
     """The places of `output`, and velocities that hold all of f, whatever `output.velocity_window` shows of it."""
     velocity: VelocityScheme
-    stepping: SteppingScheme
+    stepping: Stepping
     drift_diffusion: DriftDiffusionScheme
     deposit: Deposit | None
     time_step: float | None
@@ -98,7 +103,7 @@ class Plan:
     @property
     def integrates(self) -> bool:
         """True where steps have rates to integrate on their way, for the budgets; Strang's have none."""
-        return self.stepping == "exponential" or (self.stepping == "extrapolated" and not self.symmetric)
+        return self.stepping in ("exponential", "homogeneous") or (self.stepping == "extrapolated" and not self.symmetric)
 
     @property
     def memory_time(self) -> float:

@@ -100,7 +100,7 @@ def _obstacle(
     """Why there is no such relaxation, or none that is known or fits; None where there is."""
     model = scales.scene.model
     if not isinstance(scales.law, Inelastic):
-        return "relaxation to a homogeneous state is known of operator (12) alone"
+        return "relaxation to a homogeneous state is known of inelastic collisions (12) alone"
     if model.friction * model.noise == 0 or scales.noise_hardly_acts:
         return "no friction and noise lead to a homogeneous state"
     if velocity != "points" or drift_diffusion != "kernel":

@@ -1,6 +1,6 @@
 """What the physics of a scene asks to be resolved: extremes of its fields, rates, and how far (6) amplifies. Computed once.
 
-Symbols as in docs/accuracy.md: y standard deviations of tail, θ_max and θ_min, ν = Sρ_max√θ_max, R_t = ν(1 - exp(-γt))/γ.
+Symbols as in docs/rules.md: y standard deviations of tail, θ_max and θ_min, ν = Sρ_max√θ_max, R_t = ν(1 - exp(-γt))/γ.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ of rtol u and θ beside a step of ratio 1e-3 erred by up to 0.95 rtol (1e-4), at
 LEAST_RTOL = 1e-10
 """Nothing finer is asked of f: round-off is near."""
 HAFF_SHORT = 2.0
-"""A cooling gas does not stay Maxwellian, and was seen up to so many times colder than Haff's law has it (docs/accuracy.md)."""
+"""A cooling gas does not stay Maxwellian, and was seen up to so many times colder than Haff's law has it (docs/rules.md)."""
 
 
 @dataclass(frozen=True)
@@ -173,7 +173,8 @@ class Scales:
 
     @property
     def amplification(self) -> float:
-        """R_t: under (6) a slow disturbance w√θ from the mean grows by up to exp(R_t w) until the end (docs/theory.md)."""
+        """R_t: under (6) a slow disturbance w√θ from the mean grows by up to exp(R_t w) until the end
+        (docs/theory_details.md)."""
         return self.collision_rate * self.whole.drift_time
 
     @property

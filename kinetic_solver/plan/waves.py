@@ -127,7 +127,7 @@ class Waves:
         if local and rtol < LEAST_RTOL_OF_A_STEP and scene.grid.nx is None:
             raise Refused(
                 f"accuracy.rtol: with initial.step f is accurate to {LEAST_RTOL_OF_A_STEP:g} only, where collisions are so many "
-                "that (6) takes the local gauge",
+                "that follow-the-leader steps take the local gauge",
                 (MORE_RTOL, Remedy("collisions.cross_section", "less")),
                 (SMOOTH, GIVEN_NX),
             )

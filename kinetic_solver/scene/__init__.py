@@ -2,7 +2,7 @@
 
 Data only, validated and immutable; nothing is computed here. A scene is read from TOML (`Scene.from_toml`) or built from the
 same keys in Python (`Scene.model_validate`). Units are the user's own; they must be consistent (length, time, number of
-particles). Symbols and conventions: docs/theory.md; equation numbers are those of the paper cited there.
+particles). Symbols and conventions: docs/theory_details.md; equation numbers are those of the paper cited there.
 """
 
 from kinetic_solver.scene.initial import Beam, Initial, Mode, Modes, Pulse, fourier_sum

@@ -25,7 +25,8 @@ class Mode(Table):
 
 
 class Eigenmode(Mode):
-    """A wave of the shape that a branch of the linearised equation has in v (docs/stability.md), of this relative density."""
+    """A wave of the shape that a branch of the linearised equation has in v (docs/stability_details.md), of this relative
+    density."""
 
     branch: Annotated[int, Field(strict=True, ge=0, le=20)] = 0
     """Which wave of this mode: 0 decays most slowly, 1 next, …"""

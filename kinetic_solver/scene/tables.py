@@ -123,10 +123,10 @@ class Model(Table):
 
 
 class Collisions(Table):
-    """A binary collision operator: (6) "follow-the-leader" or (12) "inelastic"."""
+    """A binary collision operator: "follow-the-leader" (6) or "inelastic" (12)."""
 
     operator: Operator
-    """What a collision does: (6), the follower takes the leader's velocity, or (12), both lose relative velocity."""
+    """What a collision does: the faster takes the slower one's velocity (follow-the-leader), or both lose relative velocity."""
     cross_section: NonNegative
     """S_C: the probability that an encounter is a collision (per particle that a simulated one stands for)."""
     restitution: Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0, le=1)] | None = None
@@ -237,7 +237,7 @@ class Accuracy(Table):
 
 
 class Grid(Table):
-    """Discretisation. What is given is kept as given; the rest follows from rtol by the rules in docs/accuracy.md.
+    """Discretisation. What is given is kept as given; the rest follows from rtol by the rules in docs/rules.md.
 
     `time_step` is the longest step: exact steps, which gain nothing from it, may be shorter.
     """
@@ -253,13 +253,13 @@ class Grid(Table):
     velocity: VelocityScheme | None = None
     """How f is held in v: at points (the default; robust), or as nv Hermite functions about the homogeneous state."""
     stepping: SteppingScheme | None = None
-    """How steps in time are made, by default chosen: exact (no collisions, and operator (6)); high order with error control, for
-    operator (12) also about its homogeneous state (exponential); or Strang's method, order 2."""
+    """How steps in time are made, by default chosen: exact (follow-the-leader or no collisions); high order with error
+    control, for inelastic collisions also about their homogeneous state (exponential); or Strang's method, order 2."""
     drift_diffusion: DriftDiffusionScheme | None = None
     """What friction and noise do between velocity points, by default chosen: the exact Ornstein-Uhlenbeck kernel, or finite
     volumes of order 8 or 2 (positive)."""
     deposit: Deposit | None = None
-    """How operator (12) places collision products between grid points, by default chosen; only "linear" is positive."""
+    """How products of inelastic collisions are placed between grid points, by default chosen; only "linear" is positive."""
 
     @field_validator("velocity", mode="before")
     @classmethod

@@ -102,7 +102,7 @@ def shrunk(seen: Observation, history: History) -> Change | None:
     plan, grid, rtol, f = seen.plan, seen.grid, seen.plan.inner.accuracy.rtol, seen.f
     left = float(plan.times[-1]) - seen.clock
     length = plan.time_step if seen.scheme.exact and plan.time_step is not None else seen.length
-    if left / length < LEFT or folds(plan) or plan.scales.cooling:
+    if left / length < LEFT or folds(plan) or plan.scales.cooling or plan.stepping == "homogeneous":
         return None
     tried = {what for what, _ in history.tried}
     new = grid

@@ -14,18 +14,20 @@ from typing import Any
 
 from kinetic_solver.errors import SolverStopped
 from kinetic_solver.grid import PhaseSpaceGrid
+from kinetic_solver.operators.homogeneous import Shape
 from kinetic_solver.operators.linearised import GridLinearisedStep, HermiteLinearisedStep, Lifted
 from kinetic_solver.plan import Plan
 from kinetic_solver.solver.adaptation import History
 from kinetic_solver.solver.budgets import Mark
 from kinetic_solver.solver.cut_off import CutOff
+from kinetic_solver.solver.homogeneous import Place
 from kinetic_solver.solver.kernel_error import Spectrum
 from kinetic_solver.solver.loop import Good, March
 from kinetic_solver.solver.observation import Observation
 from kinetic_solver.solver.scheme import Scheme, assemble
 from kinetic_solver.stepping import Chain, ExactSteps, Link, Pace
 
-TYPES = (Chain, CutOff, History, Lifted, Link, Mark, Pace, PhaseSpaceGrid, Spectrum)
+TYPES = (Chain, CutOff, History, Lifted, Link, Mark, Pace, PhaseSpaceGrid, Place, Shape, Spectrum)
 """The dataclasses that a snapshot holds."""
 
 

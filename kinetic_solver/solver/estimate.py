@@ -60,7 +60,7 @@ class ErrorEstimate:
 
     def step(self, seen: Observation) -> None:
         """A step has ended, with an estimate of its own error."""
-        if seen.plan.stepping in ("extrapolated", "exponential"):
+        if seen.plan.stepping in ("extrapolated", "exponential", "homogeneous"):
             kept = math.exp(-seen.length / seen.plan.memory_time)
             self._of_steps = kept * self._of_steps + self._amplified * seen.error / float(np.abs(seen.f).max())
 

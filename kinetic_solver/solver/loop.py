@@ -233,7 +233,7 @@ class March:
             self._restart()
             if self.ledger is not None:
                 self.ledger.start(self.now)
-        elif isinstance(stepper, ExactSteps) and not carried:
+        elif self.scheme.from_the_start and not carried:
             self._restart()
             self.behind, self.now = good.clock, dataclasses.replace(good, state=self.now.state)
         else:

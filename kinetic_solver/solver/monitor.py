@@ -176,7 +176,7 @@ class Monitor:
             "nx",
             values["density_defect"],
             given.nx is not None,
-            "x is not resolved: the linearised step of operator (6) contradicts itself by "
+            "x is not resolved: the linearised step of follow-the-leader collisions contradicts itself by "
             f"{values['density_defect']:.2g} of the density; raise grid.nx",
         )
 

@@ -13,7 +13,7 @@ import numpy as np
 from kinetic_solver import initial
 from kinetic_solver.arrays import Array
 from kinetic_solver.grid import PhaseSpaceGrid
-from kinetic_solver.laws import FollowTheLeader
+from kinetic_solver.laws import FollowTheLeader, Inelastic
 from kinetic_solver.operators.collisions import (
     CollisionRate,
     FollowLeader,
@@ -23,6 +23,7 @@ from kinetic_solver.operators.collisions import (
     in_hermite,
     on_points,
 )
+from kinetic_solver.operators.homogeneous import ShapedCollisions
 from kinetic_solver.operators.linear import HermiteLinearStep, LinearStep
 from kinetic_solver.operators.linearised import GridLinearisedStep, HermiteLinearisedStep
 from kinetic_solver.operators.linearised.grid import Lifted
@@ -35,7 +36,7 @@ from kinetic_solver.operators.velocity import (
     OrnsteinUhlenbeckKernel,
 )
 from kinetic_solver.operators.velocity.kernel import resolution
-from kinetic_solver.plan import Plan
+from kinetic_solver.plan import Plan, homogeneous
 from kinetic_solver.plan.in_hermite import basis_of, points_for_coefficients, sum_of_gaussians
 from kinetic_solver.solver.regrid import regrid, resize
 from kinetic_solver.stepping import BaseMethod, Substep, lawson, strang
@@ -215,6 +216,10 @@ def collision_operator(plan: Plan) -> CollisionRate | None:
     law = plan.law
     if law is None:
         return None
+    if plan.stepping == "homogeneous":
+        assert isinstance(law, Inelastic)
+        points = homogeneous.shape_grid(plan.scales)
+        return ShapedCollisions(plan.grid, law, points.half, points.count)
     if plan.velocity == "hermite" and not law.linearises:
         operator = in_hermite(law, basis_of(plan.inner, plan.grid.nv))
         assert operator is not None

@@ -16,6 +16,7 @@ from kinetic_solver.operators.collisions.protocol import CollisionRate
 from kinetic_solver.operators.linearised import GridLinearisedStep
 from kinetic_solver.operators.velocity.kernel import RESOLVED
 from kinetic_solver.plan import Plan, in_t, measured
+from kinetic_solver.solver.homogeneous import HomogeneousSteps
 from kinetic_solver.solver.relaxing import relaxation
 from kinetic_solver.solver.representation import Representation, collision_operator, make_representation
 from kinetic_solver.solver.watched import watched_by
@@ -48,6 +49,11 @@ class Scheme:
         return isinstance(self.stepper, ExactSteps)
 
     @property
+    def from_the_start(self) -> bool:
+        """True where a change of grid sends the run back to time 0: what is stepped is not what is seen."""
+        return isinstance(self.stepper, ExactSteps | HomogeneousSteps)
+
+    @property
     def density_defect(self) -> float:
         """What the exactly linearised step on velocity points has missed of the density so far (docs/output.md); that of the
         Hermite step is no measure of f's error after a long step."""
@@ -64,6 +70,8 @@ def make_stepper(plan: Plan, representation: Representation) -> Stepper:
     """The stepper that the plan names."""
     scene, rtol = plan.inner, plan.inner.accuracy.rtol
     longest = math.inf if plan.time_step is None else plan.time_step
+    if plan.stepping == "homogeneous":
+        return HomogeneousSteps(plan)
     if plan.law is None:
         return ExactSteps(Plain(representation.linear), longest)
     exponential = plan.stepping == "exponential"

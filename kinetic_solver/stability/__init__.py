@@ -1,6 +1,6 @@
 """Linear theory of the homogeneous state: what moment closures predict, what the kinetic equation does, what noise makes of it.
 
-Shares no numerics with the grid solver, which is held against it (docs/stability.md).
+Shares no numerics with the grid solver, which is held against it (docs/stability_details.md).
 """
 
 from kinetic_solver.stability.amplification import apparent_critical_density, density_gain, structure_factor, transient_growth

@@ -1,6 +1,6 @@
 """What a stable but non-normal flow makes of disturbances and of noise: transient growth, the structure factor of N particles.
 
-Derivations and figures: docs/stability.md.
+Derivations and figures: docs/stability_details.md.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Moment closures of (2), linearised about the homogeneous state: the paper's cubic, its critical density, and M moments.
 
 A closure's critical density is a property of the closure. The kinetic equation that it closes is linearly stable at every
-density (docs/stability.md; tests/linear_theory/).
+density (docs/stability_details.md; tests/linear_theory/).
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def closure_rates(scene: Scene, mode: int = 1) -> Complex:
     """The three s of the closure (3)-(5) for waves exp(ikx + st) of mode n, the fastest growing first; the paper's α is -s.
 
     (6): roots of s'³ + 3γs'² + (2γ² + 3k²σ - 3ikσSρ)s' + 2γ(k²σ - ikσSρ) = 0, s' = s + iku_h.
-    (12), with (14) for the collisions' energy loss (corrected by ρ², docs/theory.md) and θ the closure's own homogeneous
+    (12), with (14) for the collisions' energy loss (corrected by ρ², docs/theory_details.md) and θ the closure's own homogeneous
     temperature, γ(θ - σ) + Cρθ^{3/2} = 0, C = S(1 - ε²)/√π, a = 2γ + 3Cρ√θ, b = 2Cρθ^{3/2}: roots of
     s'³ + (γ + a)s'² + (aγ + 3k²θ)s' + k²(aθ - b) = 0, which by Routh and Hurwitz all decay, since γ > 0 and
     aθ > b, 3k²θ(γ + a) > k²(aθ - b). Test: tests/linear_theory/test_closure.py.
@@ -91,12 +91,25 @@ def critical_density(scene: Scene, mode: int = 1, moments: int = 3) -> float:
     return unit * critical_collision_number(k * math.sqrt(sigma) / gamma, moments)
 
 
+def marginal_wavenumber(collision_number: float) -> float:
+    """k* above which waves of the paper's closure (M = 3) grow at an R*; inf at R* ≤ 7√3/9, where none do.
+
+    `critical_collision_number` solved for k*. With R* = √u - 2/(3√u), u = ω²/k², and u(u - 3) = 4/(3k²).
+    Test: tests/linear_theory/test_closure.py.
+    """
+    if not collision_number > SHORTEST:
+        return math.inf
+    u = ((collision_number + math.sqrt(collision_number**2 + 8 / 3)) / 2) ** 2
+    return 2 / math.sqrt(3 * u * (u - 3))
+
+
 def critical_collision_number(wavenumber: float, moments: int = 3) -> float:
     """R*_c of the closure of (2) with (6) that keeps M = `moments` Hermite moments, at k* = `wavenumber` (may be inf).
 
     M = 3 is closed form for any k* (`critical_density`). k* = inf is closed form for any M: with x the positive zeros of He_M,
 
-        R*_c = min [x² + 2(M - 1)]/(3x),     at least and, for large M, (2/3)√(2(M - 1))     (docs/stability.md has the proof).
+        R*_c = min [x² + 2(M - 1)]/(3x),     at least and, for large M, (2/3)√(2(M - 1))     (docs/stability_details.md has the
+        proof).
 
     Otherwise the density at which an eigenvalue of `closure_generator` crosses the imaginary axis: at k* = 1 to 1e-11 for M = 32
     and 3e-7 for M = 64. Many moments and long waves make it too ill-conditioned for double precision: SceneError then.
@@ -190,7 +203,7 @@ def figure_1(length: float = 8 * math.pi, modes: Sequence[int] = range(1, 41)) -
         },
         {"mode": ("mode", n, {"long_name": "mode number n, k = 2πn/L", "units": "1"})},
         {
-            "title": "Critical density of the three-moment closure of (2) with operator (6)",
+            "title": "Critical density of the three-moment closure, follow-the-leader collisions",
             "least_critical_density": PAPERS_DENSITY,
             "cross_section": f"S = {SHORTEST:.6g} γ/({PAPERS_DENSITY:g} √σ), from the paper's ρ_c^min",
             "length": f"L* = {length:.6g}",

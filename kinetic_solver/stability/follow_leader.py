@@ -8,8 +8,8 @@ With κ = R + ik, q = 1 - exp(-t), the density after t is ⟨φ_t h(0)⟩,
 
     φ_t(w) = (R/κ) exp[ikκ(t - q)] {1 + (ik/R) exp(-κqw - (κq)²/2)},
 
-by insertion into the adjoint equation (docs/stability.md, tests/linear_theory/test_follow_leader.py). All else follows from it.
-R = 0 is the gas without collisions.
+by insertion into the adjoint equation (docs/stability_details.md, tests/linear_theory/test_follow_leader.py). All else follows
+from it. R = 0 is the gas without collisions.
 """
 
 from __future__ import annotations
@@ -82,8 +82,8 @@ class FollowLeaderFlow:
             S(k) = ∫_0^∞ exp(-y) {exp(R²q²) + R[R exp(R²q²) erf(Rq) + (2k/√π) D(kq)]/[(R² + k²)q]} dy.
 
         For k → 0: exp(R²)(1 + erf R); for k → ∞: 1. It is the integral over time of what noise and collisions do to φ_t
-        (docs/stability.md); the Lyapunov equation gives the same (tests/linear_theory/test_structure_factor.py). To 1e-12; inf
-        above 1e308.
+        (docs/stability_details.md); the Lyapunov equation gives the same (tests/linear_theory/test_structure_factor.py). To
+        1e-12; inf above 1e308.
         """
         from scipy.special import dawsn, erf
 

@@ -1,27 +1,16 @@
-"""Operator (12) and its stationary states in waves in v: a Fourier-Galerkin method (L. Pareschi and B. Perthame 1996).
+"""Stationary states of (12), by the Fourier-Galerkin method of theory/collisions_in_waves.py and Newton's method.
 
-On a period 2T of w, f = Σ f_l exp(iξ_l w), ξ_l = πl/T; the weak form of (12) (docs/theory.md) tested with exp(-iξ_n w) is a
-convolution,
-
-    C_n = Σ_{l+m=n} K(n, l) f_l f_m,    K = [D(n, l) + D(n, m)]/2,
-    D(n, l) = 2 ∫_0^T r [cos((ξ_l - αξ_n) r) - cos(ξ_l r)] dr,    α = (1 - ε)/2.
-
-The difference of cosines is taken as a product of sines and integrated by Gauss and Legendre's rule, to round-off and relative
-to α: nearly elastic collisions, which do next to nothing, lose no digits. It shares nothing with the grid solver's pairs of
-cells. All of it converges geometrically: in the points a width of f, and in the window, whose edge f reaches at exp(-`DIGITS`).
-Mass is conserved to round-off, momentum and energy's rate to what the window cuts off.
+It shares nothing with the grid solver's pairs of cells. Its window's edge f reaches at exp(-`DIGITS`).
 Tests: tests/linear_theory/test_inelastic.py, tests/exact/test_homogeneous.py, tests/exact/test_scaling_states.py.
 """
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from kinetic_solver.arrays import Array
 from kinetic_solver.errors import SceneError
-from kinetic_solver.stability.units import Complex
+from kinetic_solver.theory.collisions_in_waves import CollisionsInWaves
 
 DIGITS = 44.0
 """ln of the largest f over f at the window's edge: exp(-44) = 8e-20 is below round-off."""
@@ -33,63 +22,16 @@ LAST_STEP = 1e-8
 """Newton's step over max f after which another changes nothing: each squares the error. Round-off leaves 1e-11."""
 
 
-class CollisionsInWaves:
-    """C at unit cross-section for f on `count` (odd) points of the window [-half, half)."""
+class StationaryInWaves(CollisionsInWaves):
+    """That, and what stays under it."""
 
     def __init__(self, restitution: float, half: float, count: int) -> None:
-        self.restitution, self.half, self.count = restitution, half, count
-        self.dv = 2 * half / count
-        self.index = np.arange(count) - count // 2
-        self.w = self.dv * self.index
-        self.xi = np.pi / half * self.index
-        self.to_waves = np.exp(-1j * np.outer(self.xi, self.w)) / count
-        self.to_points = np.exp(1j * np.outer(self.w, self.xi))
+        super().__init__(restitution, half, count)
         derivative = (self.to_points * (1j * self.xi) @ self.to_waves).real
         self.drift = derivative * self.w
         """f → ∂(wf)/∂w, on points."""
         self.diffusion = derivative @ derivative
         """f → ∂²f/∂w²."""
-        n, low = np.meshgrid(self.index, self.index, indexing="ij")
-        kept = np.abs(n - low) <= count // 2
-        self._m = np.where(kept, n - low + count // 2, 0)
-        change = self._change((1 - restitution) / 2)
-        self._quadratic = np.where(kept, (change + np.take_along_axis(change, self._m, axis=1)) / 2, 0.0)
-
-    def _change(self, alpha: float) -> Array:
-        """D(n, l), (count, count)."""
-        from scipy.special import roots_legendre
-
-        # The integrand has no wave shorter than those of l and of n/2 together; a rule of n points is exact to degree 2n - 1.
-        nodes, weights = roots_legendre(math.ceil(1.3 * self.count) + 30)
-        r, weights = self.half * (nodes + 1) / 2, self.half / 2 * weights
-        half_turn = alpha / 2 * np.outer(self.xi, r)
-        turned = 4 * weights * r * np.sin(half_turn)
-        phase = np.outer(r, self.xi)
-        return np.asarray((turned * np.cos(half_turn)) @ np.sin(phase) - (turned * np.sin(half_turn)) @ np.cos(phase))
-
-    def rate(self, f: Array) -> Array:
-        """C[f], on points."""
-        waves = self.to_waves @ f
-        return np.asarray((self.to_points @ ((self._quadratic * waves[self._m]) @ waves)).real)
-
-    def linear(self, f: Array) -> Array:
-        """δf → C linearised about f, on points; (count, count)."""
-        waves = self.to_waves @ f
-        return np.asarray((self.to_points @ (2 * self._quadratic * waves[self._m]) @ self.to_waves).real)
-
-    def mean_distance(self, f: Array) -> float:
-        """∬f f'|w - w'| dw dw'."""
-        x = self.index.astype(float)
-        moments = self.half**2 * (2 * np.sinc(x) - np.sinc(x / 2) ** 2)  # ∫|r| exp(iξr) dr over the window
-        return float(2 * self.half * moments @ np.abs(self.to_waves @ f) ** 2)
-
-    def interpolate(self, values: Complex | Array, w: Array) -> Complex:
-        """The trigonometric interpolant, complex, 0 outside the window."""
-        w = np.asarray(w, dtype=float)
-        inside = np.abs(w) < self.half
-        result = np.zeros(w.shape, dtype=complex)
-        result[inside] = np.exp(1j * np.multiply.outer(w[inside], self.xi)) @ (self.to_waves @ values)
-        return result
 
     def stationary(self, f: Array, linear: Array, collisions: float) -> Array:
         """The even f with 0 = linear f + collisions · C[f] and ∫f = 1, by Newton's method from this one. Raises SceneError."""
@@ -106,7 +48,7 @@ class CollisionsInWaves:
         """
         middle = self.count // 2
         driving = _folded((self.to_waves[middle:] @ driving @ self.to_points).real)
-        quadratic, pairs = collisions * self._quadratic[middle:], self._m[middle:]
+        quadratic, pairs = collisions * self.quadratic[middle:], self.pairs[middle:]
         energy = _folded(self.dv * (self.w**2 @ self.to_points).real)
         waves = (self.to_waves @ f).real[middle:]
         mu = 1.0 if strength is None else strength

@@ -64,8 +64,8 @@ def lyapunov_structure_factor(equations: HermiteEquations, wavenumber: float) ->
 
     In a stationary state the covariance of δf is f_h δ(v - v') + g(v, v'). The first part is the ideal gas; what Fokker-Planck
     terms, transport and the collisions of single particles make of it cancels, since f_h is stationary. Collisions correlate
-    the two partners: that is Γ (docs/stability.md; M. H. Ernst and E. G. D. Cohen 1981). The covariance's own Lyapunov equation
-    G C + C G† = -Q, Q what noise and collisions change, gives the same, where Q does not overflow in polynomials.
+    the two partners: that is Γ (docs/stability_details.md; M. H. Ernst and E. G. D. Cohen 1981). The covariance's own Lyapunov
+    equation G C + C G† = -Q, Q what noise and collisions change, gives the same, where Q does not overflow in polynomials.
     """
     from scipy.linalg import solve_continuous_lyapunov
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from kinetic_solver.arrays import Array
 from kinetic_solver.errors import SceneError
 from kinetic_solver.stability.closure import closure_temperature
-from kinetic_solver.stability.galerkin import DIGITS, CollisionsInWaves, tail_end
+from kinetic_solver.stability.galerkin import DIGITS, StationaryInWaves, tail_end
 from kinetic_solver.stability.hermite import HermiteEquations, inelastic_equations, lyapunov_structure_factor, matrix_density_gain
 from kinetic_solver.stability.units import Complex
 from kinetic_solver.threads import with_one_blas_thread
@@ -52,6 +52,11 @@ class InelasticFlow:
     def homogeneous(self) -> tuple[Array, Array, float]:
         """(w, f_h(w), dw) on the points of the base discretisation."""
         return self._base.w, self._base.f, self._base.dv
+
+    @property
+    def reach(self) -> float:
+        """|w| beyond which f_h is below exp(-44) of its largest value."""
+        return self._base.reach
 
     @property
     def mean_distance(self) -> float:
@@ -97,7 +102,7 @@ class InelasticFlow:
     @with_one_blas_thread
     def eigenfunction(self, wavenumber: float, branch: int, w: Array) -> Complex:
         if not self.resolves(wavenumber):
-            raise SceneError(f"k* = {wavenumber:.4g}: too short a wave for the spectrum of operator (12); allowed: a longer one")
+            raise SceneError(f"k* = {wavenumber:.4g}: too short for the inelastic spectrum; allowed: a longer wave")
         fine = self._at(wavenumber)
         values, vectors = np.linalg.eig(fine.generator(wavenumber))
         mode = vectors[:, _leading(values)[branch]]
@@ -136,7 +141,7 @@ def _discretisation(restitution: float, collision_number: float, points: float, 
     return _Discretisation(restitution, collision_number, points, digits)
 
 
-class _Discretisation(CollisionsInWaves):
+class _Discretisation(StationaryInWaves):
     """The window, its points w, and the homogeneous state f on them."""
 
     def __init__(self, restitution: float, collision_number: float, points: float, digits: float) -> None:
@@ -146,6 +151,7 @@ class _Discretisation(CollisionsInWaves):
         # The core is nearly Gaussian; far out f falls more slowly. The window takes in both.
         reach = max(math.sqrt(2 * digits) * width, tail_end(restitution, 1.0, 1.0, collision_number, width, digits))
         # Pairs up to √2·reach apart hold all but exp(-digits) of the collisions; that half period keeps the others' images out.
+        self.reach = reach
         half = math.sqrt(2) * reach
         super().__init__(restitution, half, 2 * math.ceil(half / width * points) + 1)
         self._driven = self.drift + self.diffusion

@@ -18,7 +18,7 @@ import numpy as np
 
 from kinetic_solver.arrays import Array
 from kinetic_solver.errors import SceneError
-from kinetic_solver.stability.galerkin import DIGITS, CollisionsInWaves, tail_end
+from kinetic_solver.stability.galerkin import DIGITS, StationaryInWaves, tail_end
 from kinetic_solver.threads import with_one_blas_thread
 
 MOST_ELASTIC = 0.9999
@@ -71,7 +71,7 @@ def cooling_state(restitution: float) -> ScalingState:
     rate = _haff(restitution) * (width**2 + (1 - width**2) * math.sqrt(math.pi) / 2)
     reach = tail_end(restitution, 0.0, -rate, 1.0, 1.0, peaks=peak)
     half = reach + BETWEEN_PEAKS
-    waves = CollisionsInWaves(restitution, half, 2 * math.ceil(half / width * POINTS) + 1)
+    waves = StationaryInWaves(restitution, half, 2 * math.ceil(half / width * POINTS) + 1)
     # At ±half the outward drifts of two periods meet, and what round-off leaves there would stay: it is taken out.
     layer = half * np.exp(-(((half - np.abs(waves.w)) / (EDGE_LAYER * half)) ** 2))
     return _state(waves, -waves.drift - np.diag(layer), width, rate, reach)
@@ -87,7 +87,7 @@ def white_noise_state(restitution: float) -> ScalingState:
     rate = _haff(restitution)
     reach = max(math.sqrt(2 * DIGITS), tail_end(restitution, rate, 0.0, 1.0, 1.0))
     half = math.sqrt(2) * reach
-    waves = CollisionsInWaves(restitution, half, 2 * math.ceil(half * POINTS) + 1)
+    waves = StationaryInWaves(restitution, half, 2 * math.ceil(half * POINTS) + 1)
     return _state(waves, waves.diffusion, 1.0, rate, reach)
 
 
@@ -104,7 +104,7 @@ def _haff(restitution: float) -> float:
 
 
 @with_one_blas_thread
-def _state(waves: CollisionsInWaves, driving: Array, width: float, rate: float, reach: float) -> ScalingState:
+def _state(waves: StationaryInWaves, driving: Array, width: float, rate: float, reach: float) -> ScalingState:
     """From two Gaussians of this width, together of variance 1."""
     w, peak = waves.w, math.sqrt(1 - width**2)
     guess = np.exp(-(((w - peak) / width) ** 2) / 2) + np.exp(-(((w + peak) / width) ** 2) / 2)

@@ -16,6 +16,7 @@ from kinetic_solver.stability.amplification import (
     structure_factor,
     transient_growth,
 )
+from kinetic_solver.stability.closure import SHORTEST, critical_density, marginal_wavenumber
 from kinetic_solver.stability.flow import flow_of
 from kinetic_solver.stability.spectrum import FIRST_MODES, growth_rates
 from kinetic_solver.stability.units import mode_numbers
@@ -28,7 +29,7 @@ Section = tuple[str, list[str]]
 LARGEST_CONTRAST = 0.5
 """Root mean square of the density about its mean, relative to it, up to which linear theory predicts one: a Gaussian of that
 width would hardly ever be negative. Particles have 0.35 where it expects 0.39, and 0.44 where it would expect 0.79
-(docs/clusters.md)."""
+(docs/clusters_measured.md)."""
 HIGHEST_MATRIX, SHORTEST_MATRIX = 6.0, 5.0
 """The largest R* and k* at which the growth of the norm is told: its matrix exponentials take a second or less up to there. That
 of the density has a closed form at any."""
@@ -73,7 +74,7 @@ def verdict(scene: Scene, theory: xr.Dataset) -> list[Section]:
 
 def _flow(scene: Scene) -> list[str]:
     flow, units = flow_of(scene)
-    kind = f"operator {'(6) follow-the-leader' if scene.operator == FOLLOW_LEADER else '(12) inelastic'}"
+    kind = "follow-the-leader collisions (6)" if scene.operator == FOLLOW_LEADER else "inelastic collisions (12)"
     if scene.operator is None:
         kind = "no collisions"
     elif scene.operator != FOLLOW_LEADER:
@@ -123,20 +124,37 @@ def _table(scene: Scene, theory: xr.Dataset) -> list[str]:
 def _closure(scene: Scene, theory: xr.Dataset) -> list[str]:
     if scene.operator != FOLLOW_LEADER:
         return ["No, at no density: every root of its cubic decays."]
-    growing = theory["mode"].values[theory["closure_growth_rate"].values > 0]
-    least = float(theory["critical_density"].min())
-    answer = f"Yes, in modes {_ranges(growing)} of the first 8." if growing.size else "No, in none of the first 8 modes."
     return [
-        f"{answer} Its ρ_c falls with the mode number, to {least:.6g} at mode 8; the scene's ρ is {scene.initial.density:g}.",
+        *closure_in_words(scene),
         "A property of the closure, not of equation (2): with more moments ρ_c moves up without bound (docs/stability.md).",
     ]
+
+
+def closure_in_words(scene: Scene) -> list[str]:
+    """Whether the paper's closure of follow-the-leader collisions is unstable, and which waves of the pipe grow.
+
+    Each wave has a critical density of its own, the lower the shorter it is; "the" critical density is the lowest of them.
+    """
+    number, rho = scene.groups.collision_number, scene.initial.density
+    lowest = SHORTEST * rho / number
+    where = f"the lowest critical density, ρ_c = {lowest:.6g}, which is that of the shortest waves"
+    if number <= SHORTEST:
+        return [f"No: the scene's ρ = {rho:g} is below {where}."]
+    first = math.floor(min(marginal_wavenumber(number) / scene.groups.wavenumber, 1e15)) + 1
+    if first == 1:
+        grow = "Every wave of the pipe grows."
+    else:
+        own = critical_density(scene, first - 1)
+        longer = "mode 1, a longer wave" if first == 2 else f"modes 1-{first - 1}, longer waves"
+        grow = f"Waves from mode {first} on grow; {longer}, decay{'s' * (first == 2)}: ρ_c of mode {first - 1} is {own:.6g}."
+    return [f"Yes: the scene's ρ = {rho:g} is above {where}.", grow]
 
 
 def _kinetic(scene: Scene, theory: xr.Dataset) -> list[str]:
     rates = theory["kinetic_growth_rate"].values
     uncertainty = theory["kinetic_uncertainty"].values
     if np.isnan(rates).all():
-        return ["Not computed: waves so short are beyond the numerical spectrum of operator (12)."]
+        return ["Not computed: waves so short are beyond the numerical spectrum of inelastic collisions."]
     slowest = int(np.nanargmax(rates))
     mode = int(theory["mode"][slowest])
     how = "exactly" if not uncertainty.any() else f"to {uncertainty[slowest]:.1e}"
@@ -153,9 +171,9 @@ def _kinetic(scene: Scene, theory: xr.Dataset) -> list[str]:
     else:
         lines = [f"No: every wave decays in the end. The slowest, mode {mode}, as exp({rates[slowest]:.6g} t), known {how}."]
     if scene.operator == INELASTIC:
-        lines.append("For operator (12) this is a numerical finding: no growing wave was found up to R* = 300.")
+        lines.append("With inelastic collisions this is a numerical finding: no growing wave was found up to R* = 300.")
     elif scene.operator == FOLLOW_LEADER:
-        lines.append("With operator (6) it is so at every density: Re s = -nγ - σk²/γ, n = 0, 1, 2, …")
+        lines.append("With follow-the-leader collisions it is so at every density: Re s = -nγ - σk²/γ, n = 0, 1, 2, …")
     return lines
 
 

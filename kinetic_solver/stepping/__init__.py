@@ -2,10 +2,12 @@
 
 Two base methods, `strang` for collisions that have an exact substep and `lawson` for those that only have a rate;
 `Extrapolated`, which raises a base method's order and estimates its error; and three steppers that fill an interval with steps:
-`Controlled`, `Fixed` and `ExactSteps`. Why these: docs/performance.md.
+`Controlled`, `Fixed` and `ExactSteps`; `integrate` is for systems of ordinary differential equations. Why these:
+docs/performance.md.
 """
 
 from kinetic_solver.stepping.controlled import Controlled, Fixed, Pace
+from kinetic_solver.stepping.differential import integrate
 from kinetic_solver.stepping.drive import advance
 from kinetic_solver.stepping.exact_steps import Chain, ExactStep, ExactSteps, Link, Plain
 from kinetic_solver.stepping.exponential import krogstad
@@ -32,6 +34,7 @@ __all__ = [
     "Watched",
     "advance",
     "count_of",
+    "integrate",
     "krogstad",
     "lawson",
     "strang",

@@ -104,6 +104,7 @@ def test_homogeneous_relaxation_ends_in_the_known_state(number: float, restituti
             "initial": {"mean_velocity": 0.2, "temperature": 0.9},
             "run": {"end_time": 25.0},
             "accuracy": {"rtol": 1e-7},
+            "grid": {"stepping": "exponential"},
         }
     )
     state, run = homogeneous_state(scene), solve(scene)
@@ -129,7 +130,7 @@ def test_when_it_is_chosen(make_scene: MakeScene) -> None:
     assert "no friction and noise" in make_plan(cooling).reasons["stepping"]
     own = make_plan(make_scene(initial=known), law=Mine())
     assert own.stepping == "extrapolated"
-    assert "operator (12) alone" in own.reasons["stepping"]
+    assert "inelastic collisions (12) alone" in own.reasons["stepping"]
 
 
 class Mine(PairLaw):

@@ -1,4 +1,4 @@
-"""rtol delivers: everything chosen from it (rules.py, docs/accuracy.md), the result held against exact or refined solutions.
+"""rtol delivers: everything chosen from it (rules.py, docs/rules.md), the result held against exact or refined solutions.
 
 The wide sweep behind the rules' constants is benchmarks/accuracy_rules.py; here are its corners.
 """

@@ -27,6 +27,10 @@ FOLLOW = {"operator": "follow-the-leader", "cross_section": 0.9}
 STRONG = {"operator": "follow-the-leader", "cross_section": 6.0}
 INELASTIC = {"operator": "inelastic", "cross_section": 0.9, "restitution": 0.6}
 RUN = {"end_time": 1.5, "output_every": 0.5}
+BEAMS = [
+    {"share": 0.3, "mean_velocity": -2.0, "temperature": 0.02},
+    {"share": 0.7, "mean_velocity": 1.5, "temperature": 0.3},
+]
 WARM = {"mean_velocity": -0.4, "temperature": 0.9}
 COARSE = {"rtol": 1e-3}
 STRANG: dict[str, Any] = {"grid": {"stepping": "strang", "time_step": 0.05}, "accuracy": COARSE}
@@ -34,6 +38,8 @@ STRANG: dict[str, Any] = {"grid": {"stepping": "strang", "time_step": 0.05}, "ac
 CASES: dict[str, dict[str, Any]] = {
     "no collisions": {},
     "(6), exact steps": {"collisions": FOLLOW},
+    "(12), homogeneous": {"collisions": INELASTIC, "initial": {"modes": []}},
+    "(12), homogeneous, of many points": {"collisions": INELASTIC, "initial": {"modes": [], "beams": BEAMS}},
     "(6), local gauge": {"collisions": STRONG, "initial": {"modes": [{"mode": 1, "cos": 0.8}]}},
     "(6), frames closer than steps": {"collisions": FOLLOW, "run": {"end_time": 0.3, "output_every": 0.02}},
     "(6), Strang": {"collisions": FOLLOW, **STRANG},

@@ -105,12 +105,17 @@ def test_plots_label_themselves(run: xr.Dataset) -> None:
     axes = run.kinetic.plot_density()
     assert axes.get_xlabel() == "position [length]"
     assert axes.get_ylabel() == "time [time]"
-    assert run.kinetic.plot_f(time=1.0).get_ylabel() == "velocity [length time-1]"
+    f = run.kinetic.plot_f(time=1.0)
+    assert f.get_ylabel() == "velocity [length time-1]"
+    assert f.collections[0].get_clim()[0] == 0  # not a map of two signs, for round-off's sake
     lines = run.kinetic.plot_velocity_distribution(times=[0.0, 1.0, 3.0]).get_lines()
     assert len(lines) == 3
     own = plt.figure().subplots()
     assert run.kinetic.plot_budgets("momentum", own) is own
     assert [text.get_text() for text in own.get_legend().get_texts()] == ["gravity", "friction", "collisions"]
+    assert len({line.get_linestyle() for line in own.get_lines()}) == 3  # told apart in grey
+    own.figure.canvas.draw()
+    assert own.get_legend().get_window_extent().y1 < own.get_window_extent().y0  # below: it covers no curve
     with pytest.raises(SceneError, match="of = 'mass': allowed"):
         run.kinetic.plot_budgets("mass")
     with pytest.raises(SceneError, match="has no 'f'"):

@@ -23,7 +23,7 @@ from kinetic_solver.analysis import animation, moving_picture
 from kinetic_solver.analysis.animation import save_animation
 from kinetic_solver.analysis.movie_frames import MovieFrames
 from kinetic_solver.analysis.moving_picture import MovingPicture
-from kinetic_solver.dataset import open_run, write_dataset
+from kinetic_solver.dataset import STOPPED, open_run, write_dataset
 from kinetic_solver.errors import OutputFailed
 from particles import simulate
 
@@ -193,7 +193,9 @@ def test_a_stopped_run_has_the_frames_that_it_reached(run: xr.Dataset) -> None:
     cut = run.copy(deep=True)
     for name in ("f", "density", "velocity_distribution", "mean_velocity", "temperature"):
         cut[name][2:] = math.nan
-    assert MovingPicture(cut).count == 2
+    picture = MovingPicture(cut.assign(status=STOPPED))
+    assert picture.count == 2
+    assert picture.figure.texts[0].get_text().endswith("; stopped at t = 0.5 of 1.5")
 
 
 def test_mp4(run: xr.Dataset, small: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -89,7 +89,10 @@ def test_run_info_plot_and_overwriting(folder: Path) -> None:
     assert cli("run", "scene.toml", "--overwrite", "--set", "run.end_time=0.25", folder=folder).returncode == 0
     with xr.open_dataset(folder / "scene.nc") as dataset:
         assert float(dataset["time"][-1]) == 0.25
-    assert "finished" in cli("info", "scene.nc", folder=folder).stdout
+    said = cli("info", "scene.nc", folder=folder).stdout
+    assert "finished" in said
+    assert max(map(len, said.splitlines())) < 130
+    assert "{" not in said  # the scene's keys are for programs: --json
     assert cli("plot", "scene.nc", folder=folder).stdout == "wrote scene.png\n"
     assert (folder / "scene.png").stat().st_size > 10_000
     assert cli("plot", "scene.nc", "--times", "a,b", folder=folder).returncode == 2

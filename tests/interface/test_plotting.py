@@ -34,6 +34,21 @@ def test_default_times_share_the_change_equally(make_scene: MakeScene) -> None:
             chosen_frames(run, "velocity_distribution", [5.0, time])
 
 
+def test_times_of_one_frame_are_said(make_scene: MakeScene) -> None:
+    run = solve(make_scene(run={"end_time": 1.0, "output_every": 0.25}))
+    with pytest.warns(UserWarning, match=r"^times: some are nearest to the same frame, which is drawn once; drawn: 0.25, 1$"):
+        assert chosen_frames(run, "density", [0.24, 0.26, 1.0]) == [1, 4]
+
+
+def test_a_scene_is_no_run(command: Command, tmp_path: Path) -> None:
+    """Said before anything else, whatever pictures there are."""
+    (tmp_path / "scene.toml").write_text("[pipe]\nlength = 9.0\n[run]\nend_time = 1.0\n")
+    (tmp_path / "scene.png").write_text("mine")
+    done = command("plot", "scene.toml", folder=tmp_path)
+    expected = "error: scene.toml: is a scene, no dataset; run it first, and give the file that it writes"
+    assert (done.returncode, done.stderr.strip()) == (2, expected)
+
+
 def titled(figure: Figure, title: str) -> Any:
     return next(axes for axes in figure.axes if axes.get_title() == title)
 
@@ -80,7 +95,9 @@ def test_particles_are_drawn_as_they_were_counted(make_scene: MakeScene) -> None
     assert np.asarray(mesh.get_array()).reshape(6, -1)[:, :-1] == pytest.approx(run["density"].values, abs=1e-12)
     steps = [patch for patch in titled(figure, "velocity distribution").patches if patch.get_label().startswith("t =")]
     assert steps[0].get_data().values == pytest.approx(run["velocity_distribution"].values[0])
-    assert "500 × 3" in figure.get_suptitle()
+    assert "500 × 3; bands: one standard error, at most " in figure.get_suptitle()
+    one = overview(simulate(scene.replace(**{"particles.replicas": 1})))
+    assert "no standard errors of one replica" in one.get_suptitle()
 
 
 def test_what_a_reader_must_know_is_said(make_scene: MakeScene) -> None:

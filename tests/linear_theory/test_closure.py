@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 
 from kinetic_solver.scene import Scene
 from kinetic_solver.stability import closure_rates, critical_collision_number, critical_density
+from kinetic_solver.stability.closure import marginal_wavenumber
 
 MakeScene = Callable[..., Scene]
 
@@ -278,3 +279,13 @@ def test_arguments_out_of_range(make_scene: MakeScene) -> None:
         apparent_critical_density(scene, 0)
     with pytest.raises(ValueError, match=r"times = -1"):
         density_gain(scene, 1, np.array([-1.0]))
+
+
+@pytest.mark.parametrize("wavenumber", [1e-3, 0.25, 1.0, 30.0, 1e4])
+def test_marginal_wavenumber_inverts_the_critical_collision_number(wavenumber: float) -> None:
+    assert marginal_wavenumber(critical_collision_number(wavenumber)) == pytest.approx(wavenumber, rel=1e-6)
+
+
+def test_no_wave_is_marginal_below_the_shortest_ones() -> None:
+    assert marginal_wavenumber(7 * math.sqrt(3) / 9) == math.inf
+    assert marginal_wavenumber(0.3) == math.inf

@@ -161,7 +161,7 @@ def test_the_uncertainty_is_honest(restitution: float, number: float, wavenumber
 
 @pytest.mark.parametrize("restitution", [0.0, 0.5, 0.9, 0.99])
 def test_no_wave_grows(restitution: float) -> None:
-    """A finding, not a theorem: docs/stability.md has the larger scan of benchmarks/linear_theory.py."""
+    """A finding, not a theorem: docs/stability_details.md has the larger scan of benchmarks/linear_theory.py."""
     unknown = 0
     for number in (0.1, 1.0, 10.0, 100.0, 300.0):
         flow = inelastic_flow(restitution, number)

@@ -94,7 +94,7 @@ def test_the_closure_runs_away() -> None:
     assert f"runs away after t = {stops:.3g}" in closure_summary(dataset)[1]
     panels = closure_figure(dataset).axes
     assert "runs away" in panels[0].texts[0].get_text()
-    assert panels[0].images[0].get_extent()[1] == pytest.approx(stops + 0.125)
+    assert panels[0].images[0].get_extent()[3] == pytest.approx(stops + 0.125)
 
 
 def test_the_picture(tmp_path: Path) -> None:

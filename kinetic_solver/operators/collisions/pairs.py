@@ -1,4 +1,4 @@
-"""Collision laws of pairs on velocity points, by quadrature of their weak form (docs/theory.md).
+"""Collision laws of pairs on velocity points, by quadrature of their weak form (docs/theory_details.md).
 
 ∫φ C = S ∫∫_{v > v'} f f' r [φ(v' + a(r)) + φ(v' + b(r)) - φ(v) - φ(v')], r = v - v', where a and b say where a pair goes. On a
 uniform grid r = m dv, so that the places depend on m alone: a sum over m of contiguous vector operations.

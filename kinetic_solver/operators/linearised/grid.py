@@ -1,8 +1,8 @@
 """Equation (2) with operator (6) in one exact step of any length, from any f on velocity points.
 
-With Φ_x = ρ, Φ_t = -ρu and f = F exp(-SΦ), F obeys (2) without collisions (docs/theory.md, "exactly linearisable"), so every
-part of the exact linear step (operators/linear.py) is an exact part of the nonlinear one. What a part does to Φ follows from
-E = exp(SΦ), E_x = S∫F dv. There is no splitting and no error in time; what is left is how well the grid resolves f.
+With Φ_x = ρ, Φ_t = -ρu and f = F exp(-SΦ), F obeys (2) without collisions (docs/theory_details.md, "exactly linearisable"), so
+every part of the exact linear step (operators/linear.py) is an exact part of the nonlinear one. What a part does to Φ follows
+from E = exp(SΦ), E_x = S∫F dv. There is no splitting and no error in time; what is left is how well the grid resolves f.
 
 exp(SΦ) spans many decades, and a Fourier transform in x is accurate relative to the largest value only. So there are two gauges:
 
@@ -207,7 +207,7 @@ class GridLinearisedStep:
         defect = float(np.abs(missed).max()) / top
         empty = n < (EMPTY * n.max() if rounded else 0.0)
         if not (np.isfinite(defect) and e.min() > 0 and n.min() > -EMPTY * n.max() and (rounded or n.min() > 0)):
-            raise LostAccuracy("the exactly linearised step of operator (6) lost its accuracy")
+            raise LostAccuracy("the exactly linearised step of follow-the-leader collisions lost its accuracy")
         self.density_defect = max(self.density_defect, defect)
         if not empty.any():
             return f * (density / n)[:, None]

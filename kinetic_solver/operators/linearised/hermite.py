@@ -1,4 +1,5 @@
-"""(2) with operator (6), stepped exactly over any time from any state: linear after a Cole-Hopf transformation (docs/theory.md).
+"""(2) with operator (6), stepped exactly over any time from any state: linear after a Cole-Hopf transformation
+(docs/theory_details.md).
 
 With Φ_x = ρ, Φ_t = -j the function F = f exp(SΦ) obeys (2) without collisions, and E = exp(SΦ) obeys E_x = S∫F dv. On the
 period L, E = exp(Rx) W with R = Sρ̄ and W periodic. So F = f W (its periodic part, from here on) evolves independently in each

@@ -93,7 +93,7 @@ class GaugeRatio:
 
 def _check(condition: bool) -> None:
     if not condition:
-        raise LostAccuracy("the exactly linearised step of operator (6) lost its accuracy")
+        raise LostAccuracy("the exactly linearised step of follow-the-leader collisions lost its accuracy")
 
 
 @dataclass(frozen=True)

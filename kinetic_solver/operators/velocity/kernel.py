@@ -33,7 +33,7 @@ class OrnsteinUhlenbeckKernel:
     """K_ij = dv N(v_i; m + (v_j - m)e, s²), the transition density of (1) at the velocity points.
 
     Where dv resolves its width (`resolved_spacing`) the matrix is positive and accurate RELATIVE to f in the tails
-    (docs/theory.md: the follow-the-leader operator needs that). What would leave the window stays in its cell, as in
+    (docs/theory_details.md: the follow-the-leader operator needs that). What would leave the window stays in its cell, as in
     Metropolis's rule: every column sums to 1 and detailed balance with the Maxwellian of variance σ is exact, so mass is
     conserved and the equilibrium is stationary to round-off, the window's edges included.
 

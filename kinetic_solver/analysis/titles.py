@@ -1,0 +1,70 @@
+"""A scene, or the run of it, in one line: above a picture, and in `info`."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from kinetic_solver.analysis.frames import times_of
+from kinetic_solver.dataset import STOPPED, scene_of
+from kinetic_solver.scene import INELASTIC, Scene
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+def in_words(scene: Scene) -> str:
+    """Its collisions and their numbers, then g, γ and σ."""
+    if scene.collisions is None:
+        kind = "no collisions"
+    else:
+        kind = f"{scene.collisions.operator} collisions"
+        number, rate = scene.groups.collision_number, scene.cross_section * scene.initial.density
+        kind += f", R* = {number:.3g}" if np.isfinite(number) else f", Sρ = {rate:.3g}"
+        if scene.operator == INELASTIC:
+            kind += f", ε = {scene.restitution:g}"
+    return f"{kind}     g = {scene.model.gravity:g}, γ = {scene.model.friction:g}, σ = {scene.model.noise:g}"
+
+
+def method_in_words(dataset: xr.Dataset) -> str:
+    """How a run was made: its points and rtol, or its particles and how well their fields are known."""
+    attrs: dict[str, Any] = dataset.attrs
+    method = str(attrs.get("method", "unknown"))
+    if method.startswith("particles"):
+        return _of_particles(dataset, method)
+    used = str(attrs.get("grids", "")).splitlines()
+    points, _, window = (used[-1].partition(": ")[2] if used else "").partition(" on ")
+    said = f"method {method}"
+    if method == "grid":
+        said += f", rtol = {scene_of(dataset).accuracy.rtol:g}"
+    if method == "hydrodynamics":
+        points = str(attrs.get("points", dataset.sizes["x"]))
+    if window:
+        said += f": solved on {points} points, velocities {window}; drawn where f is not small"
+    elif points:
+        said += f": {points} points"
+    return said
+
+
+def stopped_in_words(dataset: xr.Dataset) -> str:
+    """When a run stopped that was to go on; empty for all others."""
+    if "status" not in dataset or int(dataset["status"]) != STOPPED:
+        return ""
+    return f"stopped at t = {times_of(dataset, 'density')[-1]:.4g} of {scene_of(dataset).run.end_time:g}"
+
+
+def _of_particles(dataset: xr.Dataset, method: str) -> str:
+    """With the standard errors at the last frame, since bands narrower than a line are not seen."""
+    replicas = dataset.sizes.get("replica", 1)
+    said = f"{method}: {scene_of(dataset).particles.count} × {replicas}"
+    errors = []
+    for name, symbol in (("density", "ρ"), ("velocity_distribution", "w(v)")):
+        if f"{name}_stderr" in dataset:
+            values, error = (np.asarray(dataset[n].isel({dataset[n].dims[0]: -1})) for n in (name, f"{name}_stderr"))
+            largest = float(np.nanmax(error, initial=0.0) / values.max())
+            if largest > 0:
+                errors.append(f"{100 * largest:.2g} % of max {symbol}")
+    if not errors:
+        return f"{said}: no standard errors of one replica" if replicas == 1 else said
+    return f"{said}; bands: one standard error, at most {' and '.join(errors)}"
