@@ -113,8 +113,8 @@ def _of_x(seen: Observation, diagnostics: dict[str, float], lost: float) -> floa
 
 
 HIGHEST = 3
-"""Waves in x that are looked at, where an eighth of all are fewer and the start does not have them: what comes of waves 3 and
-6 are multiples of 3. Chosen."""
+"""Waves in x that are looked at, where an eighth of all are fewer, of many that the start does not have: what comes of waves 3
+and 6 are multiples of 3. Chosen."""
 
 
 def _highest(seen: Observation) -> float:
@@ -122,7 +122,7 @@ def _highest(seen: Observation) -> float:
     products among them: all together, twice the sum of their amplitudes."""
     amplitude = seen.waves_in_x
     above_the_start = amplitude.size - 1 - seen.plan.waves.highest_mode
-    return 2 * float(amplitude[-max(1, amplitude.size // 8, min(HIGHEST, above_the_start)) :].sum())
+    return 2 * float(amplitude[-max(1, amplitude.size // 8, min(HIGHEST, above_the_start // 3)) :].sum())
 
 
 def _of_v(seen: Observation) -> float:
