@@ -11,8 +11,15 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from typing import Protocol
 
 LINE = "compiling loops for this machine"
+
+
+class Turn(Protocol):
+    """As multiprocessing's locks are."""
+
+    def acquire(self, block: bool) -> bool: ...
 
 
 class _Watch:
@@ -20,14 +27,17 @@ class _Watch:
 
     def __init__(self) -> None:
         self.aloud = False
+        self.turn: Turn | None = None
+        """Of several processes that listen, whose it is to speak; None of one alone."""
         self.depth = 0
         self.since = self.spent = 0.0
 
     def compiles(self) -> None:
         if self.aloud:
             self.aloud = False
-            with suppress(OSError):  # nobody reads any more: no reason to stop a run
-                print(LINE, file=sys.stderr)
+            if self.turn is None or self.turn.acquire(block=False):
+                with suppress(OSError):  # nobody reads any more: no reason to stop a run
+                    print(LINE, file=sys.stderr)
         self.began()
 
     def began(self) -> None:
@@ -73,13 +83,18 @@ def getting_ready() -> Iterator[None]:
 
 
 @contextmanager
-def announcing(aloud: bool) -> Iterator[None]:
-    """A context in which the first compilation, if there is one, is said on stderr; with False, or again, nothing is."""
-    before, _watch.aloud = _watch.aloud, aloud
+def announcing() -> Iterator[None]:
+    """A context in which the first compilation, if there is one, is said on stderr."""
+    before, _watch.aloud = _watch.aloud, True
     try:
         yield
     finally:
         _watch.aloud = before
+
+
+def announce_from_now_on(turn: Turn) -> None:
+    """Likewise in all of this process, which is one of several: the first of them that compiles takes `turn`, and says it."""
+    _watch.aloud, _watch.turn = True, turn
 
 
 def monotonic() -> float:

@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from threading import Timer
 from typing import TypeAlias
 
-from kinetic_solver.compiling import monotonic
+from kinetic_solver.compiling import announcing, monotonic
 
 Progress: TypeAlias = Callable[[float, float], None]
 """Called as progress(time, end time), in the scene's unit of time, or as progress(how many, of how many)."""
@@ -29,14 +29,21 @@ log = logging.getLogger(__name__)
 def telling(progress: bool | Progress | None, unit: str = "t") -> Iterator[Progress | None]:
     """What a run calls as it goes: nothing (False), the given callable, or what tells a person on stderr (True).
 
-    A person is told that the run is starting before there is anything to tell of it. `unit`: the word before
-    the numbers.
+    A person is told that the run is starting before there is anything to tell of it, and that loops are compiled. `unit`: the
+    word before the numbers.
     """
     if progress is False or progress is None:
         yield None
     elif progress is not True:
         yield progress
-    elif sys.stderr.isatty() or _in_notebook_with_widgets():
+    else:
+        with announcing(), _telling_a_person(unit) as told:
+            yield told
+
+
+@contextmanager
+def _telling_a_person(unit: str) -> Iterator[Progress]:
+    if sys.stderr.isatty() or _in_notebook_with_widgets():
         with _bar(unit) as shown:
             yield shown
     else:

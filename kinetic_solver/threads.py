@@ -6,6 +6,7 @@ import functools
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 from typing import Any, ParamSpec, TypeVar
 
 SECONDS_OF_A_THREAD = 2e-3
@@ -48,17 +49,17 @@ def _controller(with_scipy: bool) -> Any:
     return ThreadpoolController()
 
 
+_alone = ContextVar("loops take one thread", default=False)
+
+
 @contextmanager
 def one_thread_of_loops() -> Iterator[None]:
     """A context in which loops, here and in what is called, take one thread: for one of many runs at a time."""
-    import numba
-
-    before = numba.get_num_threads()
-    numba.set_num_threads(1)
+    before = _alone.set(True)
     try:
         yield
     finally:
-        numba.set_num_threads(before)
+        _alone.reset(before)
 
 
 def over_rows(work: Callable[[slice], None], rows: int, seconds: float) -> None:
@@ -66,7 +67,7 @@ def over_rows(work: Callable[[slice], None], rows: int, seconds: float) -> None:
 
     `work` lets go of the interpreter's lock, as NumPy does, and what it makes of a row does not depend on the part it is in.
     """
-    threads = min(rows, int(seconds / SECONDS_OF_A_THREAD))
+    threads = 1 if _alone.get() else min(rows, int(seconds / SECONDS_OF_A_THREAD))
     if threads > 1:
         import numba
 

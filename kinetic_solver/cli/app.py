@@ -18,9 +18,10 @@ FAILED, WRONG, UNFINISHED, DIFFER, INCONCLUSIVE, INTERRUPTED = 1, 2, 3, 4, 5, 13
 """Exit codes: failed while running; scene or command wrong; stopped early with a checkpoint; compare: the two differ, or cannot
 be judged; Ctrl-C."""
 
-OBJECTS = 20_000
+OBJECTS = 100_000
 """New objects between two looks for circles of them that nobody needs any more. Python's own 700 make it look 100 times while
-modules are loaded, which have none: 0.01 s of a run of (6). Chosen: of a run's own objects so many are a few MB."""
+modules are loaded, which have none: 0.01 s of a run of (6), and with 20 000 three times, 5 ms each. Chosen: what (6) loads are
+70 000, and of a run's own objects so many are ten MB."""
 
 app = typer.Typer(
     name="kinetic-solver",

@@ -129,7 +129,7 @@ class NetCDFRecorder:
         for name, (dimension, values, attrs) in coordinates(grid).items():
             out.createDimension(name, values.size)
             variable = out.createVariable(name, "f8", (dimension,))
-            variable.setncatts({**attrs, "units": unit_in(scene, attrs["units"])})
+            variable.setncatts({**attrs, "units": unit_in(scene.units, attrs["units"])})
             variable[:] = values
         for name, values in self._more.items():
             out.createDimension(name, values.size)
@@ -146,12 +146,12 @@ class NetCDFRecorder:
                 times = None if dimension == "time" else self._schedule.of_group(group)
                 out.createDimension(dimension, None if times is None else len(times))
                 variable = out.createVariable(dimension, "f8", (dimension,))
-                variable.setncatts({**TIME_ATTRIBUTES, "units": unit_in(scene, TIME_ATTRIBUTES["units"])})
+                variable.setncatts({**TIME_ATTRIBUTES, "units": unit_in(scene.units, TIME_ATTRIBUTES["units"])})
                 if times is not None:
                     variable[:] = scene.initial.time + times
             for name, (dims, units, long_name) in self._variables[group].items():
                 variable = out.createVariable(name, "f8", (dimension, *dims), fill_value=np.nan)
-                variable.setncatts({"long_name": long_name, "units": unit_in(scene, units)})
+                variable.setncatts({"long_name": long_name, "units": unit_in(scene.units, units)})
                 if SCALED in dims:  # so that whoever takes the field has its velocities, too
                     variable.setncattr("coordinates", " ".join(scale_names(dimension)))
         out.sync()

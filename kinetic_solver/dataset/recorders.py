@@ -6,6 +6,7 @@ time dimension that the schedule names.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Protocol
@@ -28,10 +29,11 @@ from kinetic_solver.dataset.schema import (
     coordinates,
     variables_on,
 )
-from kinetic_solver.dataset.units import name_units
+from kinetic_solver.dataset.units import conventions, name_units
 from kinetic_solver.errors import OutputFailed, RunUnfinished, SolverStopped
 from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.scene import Scene, Schedule
+from kinetic_solver.scene.tables import Units
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -96,31 +98,62 @@ class MemoryRecorder:
             if not times or times[-1] != time:
                 times.append(time)
             for name, value in values.items():
-                self._values.setdefault(name, []).append(np.array(value, dtype=float))
+                kept = value if isinstance(value, float) else np.array(value, dtype=float)
+                self._values.setdefault(name, []).append(kept)
 
     def close(self, stopped: str | None = None, report: Mapping[str, str] | None = None) -> None:
         self._status = STOPPED if stopped else FINISHED
         self._last = {"stopped": stopped} if stopped else dict(report or {})
 
     def dataset(self) -> xr.Dataset:
-        import xarray as xr
-
         data: dict[str, Any] = {}
+        layout = []
         for group, dimension in self._dimensions.items():
             for name, (dims, units, long_name) in self._variables[group].items():
                 if name in self._values:
-                    values = np.stack(self._values[name])
-                    data[name] = ((dimension, *dims), values, {"long_name": long_name, "units": units})
-        for name, (dimension, values) in bounds(self.grid).items():
-            data[name] = ((dimension, "bounds"), values)
-        data["status"] = ((), np.int8(self._status), STATUS_ATTRIBUTES)
-        axes: dict[str, Any] = dict(coordinates(self.grid))
-        axes.update({name: (name, values, numbers(name)) for name, values in self._more.items()})
-        for name, times in self._times.items():
-            axes[name] = (name, self.scene.initial.time + np.array(times), TIME_ATTRIBUTES)
-        scales = [name for name in data if name.startswith((SCALE, ORIGIN))]
-        axes.update({name: data.pop(name) for name in scales})
-        dataset = xr.Dataset(data, axes, attributes(self.scene, self.method) | self._notes)
-        name_units(dataset, self.scene)
-        dataset.attrs.update(self._last)
+                    data[name] = np.array(self._values[name])
+                    layout.append((name, (dimension, *dims), units, long_name))
+        for name, (_, values) in bounds(self.grid).items():
+            data[name] = values
+        data["status"] = np.int8(self._status)
+        start = self.scene.initial.time
+        found = [(name, values, numbers(name)) for name, values in self._more.items()]
+        found += [(name, start + np.array(times), TIME_ATTRIBUTES) for name, times in self._times.items()]
+        axes = tuple((name, values.dtype.str, values.tobytes(), tuple(attrs.items())) for name, values, attrs in found)
+        dataset = _blank(self.grid, tuple(layout), axes, self.scene.units).copy(data=data)
+        if scales := [name for name in data if name.startswith((SCALE, ORIGIN))]:
+            dataset = dataset.set_coords(scales)
+        dataset.attrs = attributes(self.scene, self.method) | self._notes | conventions(self.scene) | self._last
         return dataset
+
+
+@functools.lru_cache(maxsize=8)
+def _blank(
+    grid: PhaseSpaceGrid,
+    layout: tuple[tuple[str, tuple[str, ...], str, str], ...],
+    axes: tuple[tuple[str, str, bytes, tuple[tuple[str, str], ...]], ...],
+    units: Units | None,
+) -> xr.Dataset:
+    """A dataset without its numbers, for `copy(data=…)`: kept, since to put one together takes as long as a step or two, and many
+    runs of one scene, or of one [grid], have the same.
+
+    `layout`: name, dimensions, units and long name of each variable; `axes`: name, type, values and attributes of each coordinate
+    beside those of the grid. The coordinates cannot be written to.
+    """
+    import xarray as xr
+
+    coords: dict[str, Any] = {
+        name: (name, np.frombuffer(values.tobytes()), attrs) for name, (_, values, attrs) in coordinates(grid).items()
+    }
+    coords |= {name: (name, np.frombuffer(buffer, dtype=kind), dict(attrs)) for name, kind, buffer, attrs in axes}
+    sizes = {name: values.size for name, (_, values, _) in coords.items()}
+    data: dict[str, Any] = {}
+    for name, dims, unit, long_name in layout:
+        shape = tuple(sizes[dim] for dim in dims)
+        data[name] = (dims, np.broadcast_to(0.0, shape), {"long_name": long_name, "units": unit})
+    for name, (dimension, values) in bounds(grid).items():
+        data[name] = ((dimension, "bounds"), values)
+    data["status"] = ((), np.int8(RUNNING), STATUS_ATTRIBUTES)
+    dataset = xr.Dataset(data, coords)
+    name_units(dataset, units)
+    return dataset

@@ -11,6 +11,7 @@ import re
 from typing import TYPE_CHECKING
 
 from kinetic_solver.scene import Scene
+from kinetic_solver.scene.tables import Units
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -19,11 +20,11 @@ CONVENTIONS = "CF-1.8"
 """The oldest that has all that is used here, and the newest that both checkers know (docs/output.md)."""
 
 
-def unit_in(scene: Scene, words: str) -> str:
-    """The unit of the schema under the scene's names; as it is where the scene has none, and where it is spelled otherwise."""
-    if scene.units is None:
+def unit_in(units: Units | None, words: str) -> str:
+    """The unit of the schema under a scene's names; as it is where the scene has none, and where it is spelled otherwise."""
+    if units is None:
         return words
-    names = {"particles": scene.units.number, "length": scene.units.length, "time": scene.units.time}
+    names = {"particles": units.number, "length": units.length, "time": units.time}
     parts = []
     for word in words.split():
         found = re.fullmatch(r"(particles|length|time)(-?\d+)?", word)
@@ -39,9 +40,8 @@ def conventions(scene: Scene) -> dict[str, str]:
     return {} if scene.units is None else {"Conventions": CONVENTIONS}
 
 
-def name_units(dataset: xr.Dataset, scene: Scene) -> None:
-    """All of a dataset's units, in place, and its claim."""
+def name_units(dataset: xr.Dataset, units: Units | None) -> None:
+    """All of a dataset's units, in place."""
     for variable in dataset.variables.values():
         if "units" in variable.attrs:
-            variable.attrs = {**variable.attrs, "units": unit_in(scene, variable.attrs["units"])}
-    dataset.attrs.update(conventions(scene))
+            variable.attrs = {**variable.attrs, "units": unit_in(units, variable.attrs["units"])}

@@ -16,6 +16,7 @@ from kinetic_solver.errors import SceneError
 from kinetic_solver.exact.solution import Solution
 from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.machine import too_large
+from kinetic_solver.progress import Progress, telling
 from kinetic_solver.scene import Scene, Schedule, check_is_scene
 
 if TYPE_CHECKING:
@@ -36,19 +37,25 @@ TOTALS_TOLERANCE, MOST_PLACES = 1e-10, 4096
 """Of the mass, to which places on the pipe are added, and the most of them. Chosen: sums over a period converge all at once."""
 
 
-def solve(scene: Scene, x: ArrayLike | None = None, v: ArrayLike | None = None) -> xr.Dataset:
+def solve(
+    scene: Scene, x: ArrayLike | None = None, v: ArrayLike | None = None, progress: bool | Progress | None = None
+) -> xr.Dataset:
     """The exact solution at the scene's frames as a Dataset (docs/output.md); moments from the closed form, not from sums over v.
 
     `x` (uniform over one period from 0) and `v` (uniform) give the points, as `run["x"]`, `run["v"]` of a grid run; by default
-    grid.nx or 64, and grid.nv or 128 points in grid.velocity_window or one that holds the solution.
+    grid.nx or 64, and grid.nv or 128 points in grid.velocity_window or one that holds the solution. `progress` as of
+    `kinetic_solver.solve`.
     Raises SceneError for operator (12) and for a start from a file or an eigenmode, which have no closed form here, and for
     points that are not uniform.
     """
     check_is_scene(scene)
     grid, schedule = points(scene, x, v), Schedule.of(scene, VARIABLES)
     recorder = MemoryRecorder(grid, scene, schedule, "exact", VARIABLES)
-    for time, frame in frames(scene, grid, schedule):
-        recorder.record(time, frame)
+    with telling(progress) as told:
+        for time, frame in frames(scene, grid, schedule):
+            recorder.record(time, frame)
+            if told is not None and time > 0:
+                told(time, scene.run.end_time)
     recorder.close()
     dataset = recorder.dataset()
     for name, given in (("x", x), ("v", v)):

@@ -150,6 +150,8 @@ def density_integral(scene: Scene, y: ArrayLike) -> Array:
     total = y.copy()
     for m in start.density_modes:
         k = 2 * np.pi * m.mode / length
-        # 1 - cos = 2 sin²(./2), without cancellation at small y
-        total += (m.cos * np.sin(k * y) + m.sin * 2 * np.sin(k * y / 2) ** 2) / k
+        if m.cos:
+            total += m.cos / k * np.sin(k * y)
+        if m.sin:  # 1 - cos = 2 sin²(./2), without cancellation at small y
+            total += m.sin / k * 2 * np.sin(k * y / 2) ** 2
     return start.density * total

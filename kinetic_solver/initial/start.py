@@ -114,6 +114,8 @@ class SceneStart:
         return fields.density_integral(self.scene, x)
 
     def hottest(self, x: Array) -> float:
+        if not self.scene.initial.temperature_modes:
+            return self.temperature
         return float(fields.temperature(self.scene, x, self.temperature).max())
 
     def gaussians(self, x: Array) -> Gaussians:
@@ -124,6 +126,8 @@ class SceneStart:
         ]
 
     def narrowest(self, x: Array) -> float:
+        if not self.scene.initial.temperature_modes:
+            return min(theta for _, _, theta in fields.beams(self.scene))
         return min(float(theta.min()) for _, _, theta in self.gaussians(x))
 
     def distribution(self, x: Array, v: Array, density: Array | None = None) -> Array:

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from kinetic_solver.compiling import announcing
 from kinetic_solver.dataset import one_writer, refuse_existing
 from kinetic_solver.errors import SceneError
 from kinetic_solver.initial import Given
@@ -63,7 +62,7 @@ def run_to_file(
         able = ", ".join(repr(name) for name, known in METHODS.items() if known.starts)
         raise SceneError(f"initial: method {method!r} starts from what [initial] says; allowed: an f(x, v) with method {able}")
     asked = interruption if interruption is not None else Interruption()
-    with one_writer(path), telling(progress) as told, announcing(progress is True):
+    with one_writer(path), telling(progress) as told:
         job = Job(scene, path, method, overwrite, resume, max_walltime, told, operator, initial, asked)
         lines = METHODS[method].run(job)
     return Written(path, tuple(lines))

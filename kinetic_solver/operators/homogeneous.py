@@ -13,8 +13,10 @@ Tests: tests/exact/test_homogeneous_flow.py.
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +28,10 @@ from kinetic_solver.laws import Inelastic
 from kinetic_solver.scene import Model
 from kinetic_solver.theory.collisions_in_waves import CollisionsInWaves
 
+KEPT = 4
+"""Tables of collisions, for the next frame or run; up to some megabytes each."""
+Waves: TypeAlias = NDArray[np.complex128] | Array
+"""Complex, or, of an even F, real."""
 REFUSED = 1e100
 """A rate at which no step ends."""
 INTEGRALS = 2
@@ -133,6 +139,12 @@ def of_the_first(longest: int) -> Array:
     return np.asarray((-1.0) ** waves * math.sin(share) / np.sin(share * waves))
 
 
+@functools.lru_cache(maxsize=KEPT)
+def collisions_in_waves(restitution: float, half: float, count: int) -> CollisionsInWaves:
+    """Read only: runs of one process share it."""
+    return CollisionsInWaves(restitution, half, count)
+
+
 class HomogeneousFlow:
     """y' = rate(t, y) of y = (waves of a Shape, ln of its width over a given one, γ∫θ dt, ∫c dt). All are numbers without a unit,
     so that the bits of a run do not depend on units."""
@@ -145,7 +157,7 @@ class HomogeneousFlow:
         self.even, self.half, self.count = shape.even, shape.half, shape.count
         self.unknowns = shape.waves.size
         middle = self.count // 2
-        collisions = CollisionsInWaves(law.restitution, self.half, self.count)
+        collisions = collisions_in_waves(law.restitution, self.half, self.count)
         self._quadratic, self._pairs = collisions.quadratic[middle:], collisions.pairs[middle:]
         self._xi = collisions.xi[middle:]
         squares = (collisions.w**2 @ collisions.to_points).real / self.count
@@ -155,11 +167,13 @@ class HomogeneousFlow:
         saw = collisions.to_waves @ collisions.w
         apart = collisions.index[middle:, None] - collisions.index
         self._drift = 1j * self._xi[:, None] * saw[(apart + middle) % self.count]
+        if self.even:
+            self._drift = np.ascontiguousarray(self._drift.real)  # the waves of an even F are real
 
     def rate(self, time: float, y: Array) -> Array:
         """y'. Where F has no width, as it may in a try of the integrator, a rate that makes it take a shorter step."""
         c, width = self._of(y)
-        both = np.concatenate([c[:0:-1].conj(), c])
+        both = self._both(c)
         change = self.cross_section * width * ((self._quadratic * both[self._pairs]) @ both)
         theta, power = self._moments(c, change)
         if not 0 < theta < np.inf:
@@ -177,7 +191,7 @@ class HomogeneousFlow:
         """∂y'/∂y."""
         n = self.unknowns
         c, width = self._of(y)
-        both = np.concatenate([c[:0:-1].conj(), c])
+        both = self._both(c)
         products = self.cross_section * width * (self._quadratic * both[self._pairs])
         change, linear = products @ both, 2 * products
         theta, power = self._moments(c, change)
@@ -211,12 +225,16 @@ class HomogeneousFlow:
     def _of(self, y: Array) -> tuple[NDArray[np.complex128], np.float64]:
         return unpacked(y[: self.unknowns], self.even), self.width * np.exp(y[self.unknowns])
 
-    def _moments(self, c: NDArray[np.complex128], change: NDArray[np.complex128]) -> tuple[np.float64, np.float64]:
+    def _both(self, c: NDArray[np.complex128]) -> Waves:
+        """c_l of l = -longest … longest; real where F is even."""
+        return np.concatenate([c.real[:0:-1], c.real]) if self.even else np.concatenate([c[:0:-1].conj(), c])
+
+    def _moments(self, c: NDArray[np.complex128], change: Waves) -> tuple[np.float64, np.float64]:
         """(∫w²F, half of ∫w²(its change by collisions)), over the mass."""
         mass = c[0].real
         return self._squares @ c.real / mass, self._squares @ change.real / (2 * mass)
 
-    def _columns(self, linear: NDArray[np.complex128]) -> Array:
+    def _columns(self, linear: Waves) -> Array:
         """From waves -l … l to waves n ≥ 0, as a matrix between packed waves."""
         middle = self.count // 2
         positive, negative = linear[:, middle:].copy(), linear[:, middle::-1].copy()
@@ -236,7 +254,7 @@ class ShapedCollisions:
 
     def __init__(self, grid: PhaseSpaceGrid, law: Inelastic, half: float, count: int) -> None:
         self.grid, self.cross_section = grid, law.cross_section
-        self._waves = CollisionsInWaves(law.restitution, half, count)
+        self._waves = collisions_in_waves(law.restitution, half, count)
 
     def rate(self, f: Array) -> Array:
         """f (1, nv)."""

@@ -31,9 +31,8 @@ def moments(grid: PhaseSpaceGrid, f: Array) -> Moments:
     density = f.sum(axis=1) * grid.dv
     with np.errstate(divide="ignore", invalid="ignore"):
         u = f @ grid.v * grid.dv / density
-    c = grid.v[None, :] - u[:, None]
-    fc2 = f * c * c
-    with np.errstate(divide="ignore", invalid="ignore"):
+        c = grid.v[None, :] - u[:, None]
+        fc2 = f * c * c
         temperature = fc2.sum(axis=1) * grid.dv / density
     return Moments(density, u, temperature, (fc2 * c).sum(axis=1) * grid.dv)
 

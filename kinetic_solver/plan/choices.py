@@ -212,8 +212,10 @@ def _exact_step(scales: Scales, waves: Waves, velocity: VelocityScheme, width: f
 
 def cheapest_exact_step(scales: Scales, waves: Waves, width: float, farthest: float) -> float:
     """Shorter steps shear less, so dv may be coarser, until the kernel of a step asks for a finer one."""
-    best = (math.inf, 0.0)
+    best, fewest = (math.inf, 0.0), width / in_v.coarsest(scales, waves)
     for n in EXACT_STEP_PARTS:
+        if n * fewest * (PRODUCT_COST + fewest) > best[0]:
+            break  # nor can more parts be cheaper
         h = in_t.filling(scales, farthest / n)
         points = width / strictest(in_v.spacings(scales, waves, in_v.Schemes("exact", "kernel", None, h))).value
         best = min(best, (n * points * (PRODUCT_COST + points), h))

@@ -112,7 +112,7 @@ def _stepping(plan: Plan) -> float:
         rate = nx * nv**3 / 4 * PRODUCT + points * nv * ELEMENT / 4
         tables = (nx // 2 + 1) * nv**2 * 4 * ELEMENT
     else:
-        linear = product + 4 * transform
+        linear = product + 2 * transform
         rate = points * nv / 2 * PAIR.get(plan.deposit or "", 0.0)
     if plan.stepping == "exact":
         return _exact(plan, steps, linear, transform, product, tables) + steps * look

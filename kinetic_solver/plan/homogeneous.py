@@ -17,10 +17,10 @@ from kinetic_solver.plan.scales import Scales
 from kinetic_solver.stability.galerkin import DIGITS
 from kinetic_solver.stability.inelastic import InelasticFlow, inelastic_flow
 
-LOCAL, LEAST_LOCAL, MOST_LOCAL = 0.003, 1e-13, 1e-9
+LOCAL, LEAST_LOCAL, MOST_LOCAL = 0.003, 1e-13, 1e-7
 """Of rtol, to the local error of a step of the integrator, over the largest F; and its bounds: round-off, and what budgets and
 conservation want, at little cost. Measured: errors add up to less than 0.15 rtol (tests/exact/test_homogeneous_flow.py)."""
-FINER = 1.25
+FINER = 1.45
 """By how much points are closer than the waves of a Gaussian ask, since f_h has more. Chosen."""
 POINTS = 3.5
 """To a standard deviation, where f is looked at: enough for round-off."""

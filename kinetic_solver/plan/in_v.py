@@ -122,6 +122,13 @@ def spacings(scales: Scales, waves: Waves, schemes: Schemes) -> list[Criterion]:
     return bounds
 
 
+def coarsest(scales: Scales, waves: Waves) -> float:
+    """The dv that an exact step must keep below, however short it is."""
+    _, digits = waves.in_play
+    spectrum = max(math.sqrt(2 * float(digits.max()) / scales.theta_min), waves.phase_mixing)
+    return min(math.pi / spectrum, math.sqrt(scales.theta_min) / NARROWEST)
+
+
 def narrowest(scales: Scales, waves: Waves, schemes: Schemes) -> Criterion:
     """A Gaussian of variance θ has the spectrum exp(-θq²/2). The linear step moves waves exp(ikx) by τ before noise damps them
     (operators/linear.py), which shifts their spectrum by kτ."""

@@ -89,7 +89,7 @@ def _make_plan(scene: Scene, known: Mapping[str, str], law: CollisionLaw | None,
     def clocked(frame: ReferenceFrame) -> Scales:
         times = np.array([frame.clock(float(time)) for time in schedule.times])
         seen = None if start is None else start.seen_from(frame.start)
-        return scales_of(frame.scene(stricter), times, scene.model.friction, law, seen, of_edges)
+        return scales_of(frame.scene(stricter), times, scene.model.friction, law, seen, of_edges, here.density)
 
     frame, scales = choices.reference_frame(here, clocked)
     waves, inner = Waves(scales), scales.scene

@@ -6,7 +6,7 @@ import numpy as np
 
 from kinetic_solver.arrays import Array
 from kinetic_solver.scene import Model
-from kinetic_solver.theory.ornstein_uhlenbeck import Transition, transition
+from kinetic_solver.theory.ornstein_uhlenbeck import spreads
 
 
 def mixing(model: Model, k: Array, digits: Array, theta: float, left: float, first: float | None = None) -> float:
@@ -19,8 +19,7 @@ def mixing(model: Model, k: Array, digits: Array, theta: float, left: float, fir
     times = np.linspace(0, left, 65)[1:]
     if first is not None and first < times[0]:
         times = np.concatenate([np.geomspace(first, times[0], 33), times])
-    steps = [transition(model, float(time)) for time in times]
-    e, b, s2, c, r = np.array([_statistics(step) for step in steps]).T[:, :, None]
+    e, b, s2, c, r = np.array(spreads(model, times))[:, :, None]
     variance = theta * e * e + s2
     covariance = theta * b * e + c
     with np.errstate(divide="ignore", invalid="ignore"):  # what has no variance of velocity does not mix
@@ -28,7 +27,3 @@ def mixing(model: Model, k: Array, digits: Array, theta: float, left: float, fir
         room = 2 * (digits - k**2 * rest / 2)
         q = k * covariance / variance + np.sqrt(room / variance)
     return float(q.max(initial=0.0, where=(variance > 0) & (room > 0)))
-
-
-def _statistics(step: Transition) -> tuple[float, float, float, float, float]:
-    return step.decay, step.drift_time, step.velocity_variance, step.covariance, step.displacement_variance

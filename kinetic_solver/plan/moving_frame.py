@@ -119,5 +119,7 @@ class ReferenceFrame:
         beams = tuple(b.model_copy(update={"mean_velocity": b.mean_velocity - self.start}) for b in scene.initial.beams)
         seen = {"beams": beams} if beams else {"mean_velocity": u0 - self.start, "temperature": theta0}
         initial = scene.initial.model_copy(update=seen)
-        end = self.clock(scene.run.end_time)
-        return scene.model_copy(update={"model": model, "initial": initial, "run": Run(end_time=end)})
+        run = scene.run.model_copy(update={"output_every": None})  # the scene's own is valid
+        if self.noiseless:
+            run = Run(end_time=self.clock(scene.run.end_time))
+        return scene.model_copy(update={"model": model, "initial": initial, "run": run})

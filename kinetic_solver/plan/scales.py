@@ -79,7 +79,7 @@ class Scales:
     def end(self) -> float:
         return self.scene.run.end_time
 
-    @property
+    @functools.cached_property
     def x(self) -> Array:
         return self.scene.pipe.length * np.arange(self.density.size) / self.density.size
 
@@ -88,11 +88,11 @@ class Scales:
         """y: standard deviations at which a Gaussian is `of_edges`/40 of its maximum."""
         return math.sqrt(2 * math.log(TAIL / self.of_edges))
 
-    @property
+    @functools.cached_property
     def rho_max(self) -> float:
         return float(self.density.max())
 
-    @property
+    @functools.cached_property
     def theta_max(self) -> float:
         """The hottest temperature at any place and time: bounds the window."""
         return max(float(self.temperature.max()), self.theta_end)
@@ -107,13 +107,13 @@ class Scales:
         """S of operator (6); 0 of any other law."""
         return self.law.cross_section if isinstance(self.law, FollowTheLeader) else 0.0
 
-    @property
+    @functools.cached_property
     def of_one_shape(self) -> bool:
         """True where the start is made of Gaussians that are the same at every x, but for their density."""
         uniform = not (np.ptp(self.mean_velocity, axis=1).any() or np.ptp(self.temperature, axis=1).any())
         return self.start.gaussian and uniform
 
-    @property
+    @functools.cached_property
     def thinnest(self) -> float:
         """The least density at the start, over the largest."""
         return float(self.density.min()) / self.rho_max
@@ -144,7 +144,7 @@ class Scales:
         """The rate at which errors of the past are forgotten; 0 where nothing but collisions forgets them."""
         return abs(self.scene.model.friction)
 
-    @property
+    @functools.cached_property
     def means(self) -> tuple[float, float]:
         """The least and the largest mean velocity, at the start and at the end as gravity and friction alone would have it."""
         start = [float(self.mean_velocity.min()), float(self.mean_velocity.max())]
@@ -206,13 +206,14 @@ def scales_of(
     law: CollisionLaw | None = None,
     start: Start | None = None,
     of_edges: float | None = None,
+    density: Array | None = None,
 ) -> Scales:
     """The scales of a scene that is written at these times of its own clock. `law` and `start` stand in for the scene's own, and
-    `of_edges` for its rtol at the window's edges."""
+    `of_edges` for its rtol at the window's edges. `density` is `Scales.density`, where another frame of reference knows it."""
     law = scene.law if law is None else law
     start = SceneStart(scene) if start is None else start
     x = scene.pipe.length * np.arange(POINTS) / POINTS
-    density, gaussians = start.density(x), start.gaussians(x)
+    density, gaussians = start.density(x) if density is None else density, start.gaussians(x)
     temperature = np.array([theta for _, _, theta in gaussians])
     whole = transition(scene.model, scene.run.end_time)
     theta_end = float(temperature.max()) * whole.decay**2 + whole.velocity_variance

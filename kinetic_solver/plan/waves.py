@@ -239,14 +239,14 @@ class Waves:
         n = np.arange(amplitude.size // 2)
         return np.append(amplitude[0], np.full(self.step_modes, float((n * amplitude[: n.size]).max())))
 
-    @property
+    @functools.cached_property
     def gauge_range(self) -> float:
         """S·(max - min) over x of the periodic part of the start's Φ = ∫ρ dx."""
         if self.scales.start.homogeneous or not self.scales.amplifies:
             return 0.0
         return self.scales.cross_section * float(np.ptp(self._potential))
 
-    @property
+    @functools.cached_property
     def local_gauge(self) -> bool:
         """True where the exactly linearised step will need its local gauge (operators/linearised/grid.py)."""
         if self.scales.scene.initial.step is not None and self.gauge_range > RANGE_OF_A_STEP:

@@ -22,8 +22,8 @@ HISTORY = 6
 NODES, WEIGHTS = legendre.leggauss(8)
 """On a piece of an exact step. Integrals up to a time within it are those of the polynomial through all of them. Chosen: four
 left residuals of 1.5e-5 of what gravity brings, where a start has waves of mode 4 (tests/convergence/test_frames.py)."""
-PROJECT = legendre.legvander(NODES, NODES.size - 1).T * WEIGHTS * (np.arange(NODES.size) + 0.5)[:, None]
-"""From values at the nodes to Legendre coefficients of that polynomial."""
+PRIMITIVE = legendre.legint(legendre.legvander(NODES, NODES.size - 1).T * WEIGHTS * (np.arange(NODES.size) + 0.5)[:, None])
+"""From values at the nodes to Legendre coefficients of that polynomial's integral from 0."""
 
 
 @dataclass(frozen=True)
@@ -139,7 +139,7 @@ class Ledger:
             since, until = max(a, seen.since), min(b, seen.clock)
             if since < until:
                 if self._piece is None or (self._piece.start, self._piece.end) != (a, b):
-                    self._piece = _Piece(a, b, legendre.legint(PROJECT @ self._samples(seen, a, b)))
+                    self._piece = _Piece(a, b, PRIMITIVE @ self._samples(seen, a, b))
                 self._integral = self._integral + self._piece.between(since, until)
 
     def _samples(self, seen: Observation, start: float, end: float) -> Array:
@@ -150,11 +150,14 @@ class Ledger:
         all_moments = seen.moments_within(clocks)
         if all_moments is None:
             all_moments = np.array([velocity_moments(seen.grid, seen.within(clock)) for clock in clocks])
+        operator = seen.scheme.operator
+        assert isinstance(operator, FollowLeader)
+        totals = (all_moments[:, :3].sum(axis=2) * seen.grid.dx).tolist()
+        changes = np.transpose(operator.brought(all_moments, seen.grid.dx)).tolist()
         found = []
-        for clock, moments, total in zip(clocks, all_moments, all_moments[:, :3].sum(axis=2) * seen.grid.dx, strict=True):
-            place, (mass, p, energy) = self.frame.place(clock), total.tolist()
-            sample = np.array([*place.totals((mass, p, energy / 2))[1:], *_by_following(seen, moments, place)])
-            found.append(sample / place.scale)
+        for clock, (mass, p, energy), change in zip(clocks, totals, changes, strict=True):
+            place = self.frame.place(clock)
+            found.append([number / place.scale for number in (*place.totals((mass, p, energy / 2))[1:], *place.rates(change))])
         return np.array(found)
 
     def _book(self) -> None:
@@ -243,13 +246,7 @@ def _collisions(seen: Observation, place: Place) -> Array:
     if operator is None:
         return np.zeros(2)
     if isinstance(operator, FollowLeader):
-        return _by_following(seen, velocity_moments(seen.grid, seen.f), place)
-    _, p, energy = totals(seen.grid, operator.rate(seen.f))
+        p, energy = (float(rate) for rate in operator.brought(velocity_moments(seen.grid, seen.f), seen.grid.dx))
+    else:
+        _, p, energy = totals(seen.grid, operator.rate(seen.f))
     return np.array(place.rates((p, energy)))
-
-
-def _by_following(seen: Observation, moments: Array, place: Place) -> Array:
-    """(c₁, c₂) by operator (6), whose rates are products of velocity moments."""
-    operator = seen.scheme.operator
-    assert isinstance(operator, FollowLeader)
-    return np.array(place.rates(operator.brought(moments, seen.grid.dx)))

@@ -17,9 +17,10 @@ from kinetic_solver.operators.homogeneous import HomogeneousFlow, Shape, points
 from kinetic_solver.plan import Plan, ReferenceFrame, homogeneous
 from kinetic_solver.stepping import Step, integrate
 
-HELD, KEPT = 1.0, 0.1
-"""Local errors: the shortest waves of F, and F at its window's edges, at most, and those that are kept where fewer points may do.
-All waves that are left out together are some tens of the longest of them. Chosen; local errors leave a quarter of one there."""
+HELD, ENDS, KEPT = 1.0, 10.0, 0.1
+"""Local errors: the shortest waves of F, and F at its window's edges, at most, and the waves that are kept where fewer points may
+do. All waves that are left out together are some tens of the longest of them. Chosen; of themselves local errors leave a quarter
+of one in a wave, and up to three at the edges."""
 FINER, WIDER = 1.5, 1.3
 """By how much the points, and the window, are raised at a time where they do not hold F. Chosen."""
 TRIES = 8
@@ -53,7 +54,7 @@ class HomogeneousSteps:
         self.model, self.grid = plan.inner.model, plan.grid
         self.rtol = plan.inner.accuracy.rtol
         self.local = homogeneous.local_error(self.rtol)
-        self.held, self.kept = HELD * self.local, KEPT * self.local
+        self.held, self.ends, self.kept = HELD * self.local, ENDS * self.local, KEPT * self.local
         self.mean = ReferenceFrame(self.model, moving=True, start=plan.scales.start.mean_velocity)
         """The mean velocity moves as that of a frame which falls freely."""
         self.books = plan.scene.output.budgets is not False
@@ -86,9 +87,9 @@ class HomogeneousSteps:
                 waves, edges = self._unresolved(shape, y)
             except StepTooSmall:
                 waves, edges = math.inf, 0.0  # F that its points do not hold may grow beyond all bounds
-            if waves <= self.held and edges <= self.held:
+            if waves <= self.held and edges <= self.ends:
                 return self._taken(shape, y[-1], (begun, end), (start, interval))
-            half = shape.half * (WIDER if edges > self.held else 1.0)
+            half = shape.half * (WIDER if edges > self.ends else 1.0)
             more = half / shape.half * (FINER if waves > self.held else 1.0)
             shape = shape.on(half, 2 * math.ceil(more * shape.count / 2) + 1)
         raise LostAccuracy(f"{shape.count} points do not hold the velocity distribution")

@@ -103,7 +103,7 @@ class Monitor:
 
     def finite(self, seen: Observation) -> None:
         """The check of every step. Raises SolverStopped."""
-        if not np.isfinite(seen.f.sum()):
+        if not seen.finite:
             raise SolverStopped(f"{_when(seen)}: f is no longer finite; {_shorter_steps(seen)}")
 
     def judge(self, seen: Observation, share: float = SHARE) -> Judgement:
@@ -115,7 +115,7 @@ class Monitor:
             raise SolverStopped(f"{_when(seen)}: f has no positive value left; {_shorter_steps(seen)}")
         values = {
             "minimum_of_f": float(f.min()) / top,
-            "edge_error_low": float(amplified(seen)[0]) / top,
+            "edge_error_low": float(amplified(seen, slice(1))[0]) / top,
             "edge_error_high": float(np.abs(f[:, -1]).max()) / top,
             "velocity_curvature": float(np.abs(np.diff(f, n=2, axis=1)).max()) / top if grid.nv > 2 else 0.0,
             "spectral_tail": spectral_tail(seen),
@@ -221,11 +221,11 @@ def _when(seen: Observation) -> str:
     return f"t = {seen.time:.6g}"
 
 
-def amplified(seen: Observation) -> Array:
-    """max|f| over x at every velocity, times what operator (6) can still make of what is built upon. Shape (nv,)."""
+def amplified(seen: Observation, velocities: slice = slice(None)) -> Array:
+    """max|f| over x at these velocities, times what operator (6) can still make of what is built upon. Shape (velocities,)."""
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        size = np.exp(np.log(np.abs(seen.f)) + _exponents(seen))
-    return np.asarray(np.nan_to_num(size, nan=0.0, posinf=np.inf).max(axis=0))
+        size = np.exp(np.log(np.abs(seen.f[:, velocities])) + _exponents(seen, velocities))
+    return np.asarray(np.where(np.isnan(size), 0.0, size).max(axis=0))
 
 
 def amplified_waves(seen: Observation) -> Array:
@@ -236,15 +236,15 @@ def amplified_waves(seen: Observation) -> Array:
     return np.asarray(size / size.max())
 
 
-def _exponents(seen: Observation) -> Array:
-    """R w - R²θ/2 where positive, w = u - v, R = Sρ(1 - e^(-γt))/γ, t the time that is left; (nx, nv) or (1, 1)."""
+def _exponents(seen: Observation, velocities: slice = slice(None)) -> Array:
+    """R w - R²θ/2 where positive, w = u - v, R = Sρ(1 - e^(-γt))/γ, t the time that is left; (nx, velocities) or (1, 1)."""
     scene, law = seen.plan.inner, seen.plan.law
     if not isinstance(law, FollowTheLeader) or seen.side:
         return np.zeros((1, 1))
     m = seen.moments
     left = max(0.0, scene.run.end_time - seen.clock)
     gain = law.cross_section * m.density * transition(scene.model, left).drift_time
-    exponent = gain[:, None] * (m.mean_velocity[:, None] - seen.grid.v) - (gain**2 * m.temperature / 2)[:, None]
+    exponent = gain[:, None] * (m.mean_velocity[:, None] - seen.grid.v[velocities]) - (gain**2 * m.temperature / 2)[:, None]
     return np.maximum(exponent, 0.0)
 
 

@@ -80,6 +80,11 @@ class Observation:
         return self.plan.reference_frame.place(self.clock).time
 
     @functools.cached_property
+    def finite(self) -> bool:
+        """Whether all of f are numbers."""
+        return bool(np.isfinite(self.f.sum()))
+
+    @functools.cached_property
     def moments(self) -> Moments:
         """Of f, (nx,) each."""
         return moments(self.grid, self.f)

@@ -6,6 +6,7 @@ from one grid to another.
 
 from __future__ import annotations
 
+import functools
 from typing import Any, Protocol
 
 import numpy as np
@@ -92,7 +93,10 @@ class VelocityPoints:
 
     def __init__(self, plan: Plan) -> None:
         self.plan = plan
-        self.linear: Substep = LinearStep(plan.grid, plan.inner.model, self._drift_diffusion())
+
+    @functools.cached_property
+    def linear(self) -> Substep:
+        return LinearStep(self.plan.grid, self.plan.inner.model, self._drift_diffusion())
 
     def start(self) -> Array:
         scene, grid = self.plan.inner, self.plan.grid
@@ -121,10 +125,9 @@ class VelocityPoints:
     def linearised(self, tolerance: float) -> GridLinearisedStep:
         scene, grid, law = self.plan.inner, self.plan.grid, self.plan.law
         assert isinstance(law, FollowTheLeader)
-        drift_diffusion = self._drift_diffusion()
-        if self.plan.drift_diffusion == "kernel":
-            # Steps too short for the kernel are not built upon (stepping/exact_steps.py): its band-limited form will do.
-            drift_diffusion = OrnsteinUhlenbeckKernel(grid, scene.model, resolution=resolution(scene.accuracy.rtol))
+        # Steps too short for the kernel are not built upon (stepping/exact_steps.py): its band-limited form will do.
+        kernel = OrnsteinUhlenbeckKernel(grid, scene.model, resolution=resolution(scene.accuracy.rtol))
+        drift_diffusion = kernel if self.plan.drift_diffusion == "kernel" else self._drift_diffusion()
         return GridLinearisedStep(grid, scene.model, law.cross_section, drift_diffusion, tolerance)
 
     def lifted_start(self, step: GridLinearisedStep) -> Lifted | None:

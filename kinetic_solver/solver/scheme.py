@@ -68,41 +68,47 @@ def assemble(plan: Plan) -> Scheme:
 
 def make_stepper(plan: Plan, representation: Representation) -> Stepper:
     """The stepper that the plan names."""
-    scene, rtol = plan.inner, plan.inner.accuracy.rtol
     longest = math.inf if plan.time_step is None else plan.time_step
     if plan.stepping == "homogeneous":
         return HomogeneousSteps(plan)
     if plan.law is None:
         return ExactSteps(Plain(representation.linear), longest)
-    exponential = plan.stepping == "exponential"
-    base = krogstad(_rate(plan), relaxation(plan)) if exponential else representation.split()
+    if plan.stepping == "exact":
+        return _exact_steps(plan, representation, longest)
     if plan.stepping == "strang":
         assert plan.time_step is not None
-        return Fixed(Extrapolated(base), plan.time_step)
-    if exponential:
-        method = Extrapolated(base, LAWSON_COUNTS, measured.EXPONENTIAL_GAIN)
-    elif plan.symmetric:
-        method = Extrapolated(base, STRANG_COUNTS)
-    else:
-        method = Extrapolated(base, LAWSON_COUNTS, measured.LAWSON_GAIN)
-    share = plan.error_share * rtol / plan.memory_time
+        return Fixed(Extrapolated(representation.split()), plan.time_step)
+    method, given, watched = _method(plan, representation), plan.inner.grid.time_step, watched_by(plan, representation)
+    if given is not None:
+        return Fixed(method, given, watched)
+    return Controlled(method, _tolerance(plan), longest, watched, plan.first_step, plan.memory_time, _stable(plan))
 
-    def tolerance(f: Array) -> float:
-        return share * float(np.abs(f).max())
 
-    if plan.integrates or plan.stepping == "extrapolated":
-        given, watched = scene.grid.time_step, watched_by(plan, representation)
-        if given is not None:
-            return Fixed(method, given, watched)
-        return Controlled(method, tolerance, longest, watched, plan.first_step, plan.memory_time, _stable(plan))
-    step = representation.linearised(LINEARISED_ROUND_OFF * rtol)
+def _exact_steps(plan: Plan, representation: Representation, longest: float) -> Stepper:
+    scene = plan.inner
+    step = representation.linearised(LINEARISED_ROUND_OFF * scene.accuracy.rtol)
     aside = in_t.shortest_exact_step(plan.scales, plan.waves, plan.grid, RESOLVED) if plan.shortest_step > 0 else 0.0
     early = Early(plan) if plan.shortest_step > 0 and scene.initial.file is None else None
     # Where nx is open, a finer grid is the better way out of a step that loses its accuracy; but not of a jump.
     given = scene.grid.nx is not None or plan.waves.products_of_a_step
-    fallback = Controlled(method, tolerance) if given else None
+    fallback = Controlled(_method(plan, representation), _tolerance(plan)) if given else None
     start = representation.lifted_start(step)
     return ExactSteps(step, longest, plan.shortest_step, min(aside, longest), early, fallback, start, plan.waves.blur)
+
+
+def _method(plan: Plan, representation: Representation) -> Extrapolated:
+    """Of the quadrature path."""
+    if plan.stepping == "exponential":
+        return Extrapolated(krogstad(_rate(plan), relaxation(plan)), LAWSON_COUNTS, measured.EXPONENTIAL_GAIN)
+    if plan.symmetric:
+        return Extrapolated(representation.split(), STRANG_COUNTS)
+    return Extrapolated(representation.split(), LAWSON_COUNTS, measured.LAWSON_GAIN)
+
+
+def _tolerance(plan: Plan) -> Callable[[Array], float]:
+    """Of a state, the error that its steps may make in a unit of time."""
+    share = plan.error_share * plan.inner.accuracy.rtol / plan.memory_time
+    return lambda f: share * float(np.abs(f).max())
 
 
 def _stable(plan: Plan) -> Callable[[Array], float]:

@@ -80,7 +80,9 @@ class Writer:
             all_of_it = shown if self.whole == self.output else self.start.distribution(self.whole.x, self.whole.v)
             m, velocity, scale = moments(self.whole, all_of_it), 0.0, 1.0
         else:
-            m = moments(dataclasses.replace(seen.grid, nx=self.output.nx), convert.along_x(seen.f, place))
+            m = seen.moments
+            if self.output.nx != seen.grid.nx or place.position != 0:
+                m = moments(dataclasses.replace(seen.grid, nx=self.output.nx), convert.along_x(seen.f, place))
             velocity, scale = place.velocity, place.scale
         # Ratios of moments say nothing where the density is within its own error.
         given = self._given(m)

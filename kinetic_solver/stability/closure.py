@@ -62,13 +62,14 @@ def closure_rates(scene: Scene, mode: int = 1) -> Complex:
 
 def closure_temperature(gamma: float, sigma: float, c: float) -> float:
     """θ with γ(θ - σ) + cθ^{3/2} = 0: the homogeneous temperature of (12) in the closure, the gas being taken for Maxwellian."""
-    from scipy.optimize import brentq
-
     if c <= 0:
         return sigma
-    # γσ = γθ + cθ^{3/2}: both terms are half of it or less at the one end, and one of them is all of it at the other.
-    low, high = (min(share * sigma, (share * gamma * sigma / c) ** (2 / 3)) for share in (0.5, 1.0))
-    return float(brentq(lambda theta: gamma * (theta - sigma) + c * theta**1.5, low, high, xtol=1e-300, rtol=1e-14))
+    # In √θ the left-hand side grows and is convex: Newton's method comes down to the root from where it is positive, as where one
+    # term alone is γσ.
+    root, before = min(math.sqrt(sigma), (gamma * sigma / c) ** (1 / 3)), math.inf
+    while root < before:
+        before, root = root, root - (gamma * (root**2 - sigma) + c * root**3) / (2 * gamma * root + 3 * c * root**2)
+    return before**2
 
 
 def critical_density(scene: Scene, mode: int = 1, moments: int = 3) -> float:

@@ -18,7 +18,7 @@ from kinetic_solver.stability.closure import closure_temperature
 from kinetic_solver.stability.galerkin import DIGITS, StationaryInWaves, tail_end
 from kinetic_solver.stability.hermite import HermiteEquations, inelastic_equations, lyapunov_structure_factor, matrix_density_gain
 from kinetic_solver.stability.units import Complex
-from kinetic_solver.threads import with_one_blas_thread
+from kinetic_solver.threads import one_blas_thread, with_one_blas_thread
 
 POINTS = 4.5
 """Points per thermal velocity √θ_h. f_h alone, a Gaussian to within a few per cent, is resolved to round-off by 2.9."""
@@ -41,11 +41,11 @@ def inelastic_flow(restitution: float, collision_number: float) -> InelasticFlow
 class InelasticFlow:
     """A `Flow` (flow.py) about the homogeneous state of (12)."""
 
-    @with_one_blas_thread
     def __init__(self, restitution: float, collision_number: float) -> None:
         self.restitution = restitution
         self.collision_number = collision_number
-        self._base = _Discretisation(restitution, collision_number, POINTS, DIGITS)
+        with one_blas_thread(with_scipy=False):
+            self._base = _Discretisation(restitution, collision_number, POINTS, DIGITS)
         self.temperature = self._base.temperature
 
     @property

@@ -19,7 +19,7 @@ import numpy as np
 from kinetic_solver.arrays import Array
 from kinetic_solver.errors import SceneError
 from kinetic_solver.stability.galerkin import DIGITS, StationaryInWaves, tail_end
-from kinetic_solver.threads import with_one_blas_thread
+from kinetic_solver.threads import one_blas_thread
 
 MOST_ELASTIC = 0.9999
 """ε up to which a state is given. Towards 1 that of free cooling becomes two delta peaks: more of them take over a second."""
@@ -103,12 +103,12 @@ def _haff(restitution: float) -> float:
     return (1 - restitution**2) / math.sqrt(math.pi)
 
 
-@with_one_blas_thread
 def _state(waves: StationaryInWaves, driving: Array, width: float, rate: float, reach: float) -> ScalingState:
     """From two Gaussians of this width, together of variance 1."""
     w, peak = waves.w, math.sqrt(1 - width**2)
     guess = np.exp(-(((w - peak) / width) ** 2) / 2) + np.exp(-(((w + peak) / width) ** 2) / 2)
-    f, kappa = waves.shape(guess / (guess.sum() * waves.dv), driving, rate)
+    with one_blas_thread(with_scipy=False):
+        f, kappa = waves.shape(guess / (guess.sum() * waves.dv), driving, rate)
     kurtosis = float(w**4 @ f) * waves.dv / 3 - 1
     e, narrowest = waves.restitution, float(f.max() / np.abs(waves.diffusion @ f).max())
     return ScalingState(e, kurtosis, kappa, kappa / _haff(e), waves.mean_distance(f), w, f, reach, narrowest)

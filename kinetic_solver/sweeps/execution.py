@@ -9,11 +9,13 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import BrokenExecutor, Executor, ProcessPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
+from functools import partial
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
+from kinetic_solver.compiling import announce_from_now_on, announcing
 from kinetic_solver.dataset import one_writer, write_dataset
 from kinetic_solver.errors import KineticError, SceneError
 from kinetic_solver.scene import Scene, check_is_scene, shorten
@@ -39,7 +41,7 @@ def sweep(
     path: str | Path | None = None,
     method: str = "grid",
     executor: Executor | None = None,
-    say: Say = lambda text: None,
+    say: Say | None = None,
 ) -> xr.Dataset:
     """Run the scene for every combination of the values of these keys, as in {"collisions.cross_section": [0.5, 1.0, 2.0]}.
 
@@ -49,7 +51,7 @@ def sweep(
     `path` is a folder: every point is a file in it, whole or not there, which another sweep of the same points finds; the whole
     is `sweep.nc`. `executor` is any of concurrent.futures, or of a cluster that sees the folder; by default a pool of processes,
     which is made anew where one of them is killed. Each point runs on one thread. Particles get a seed that follows from the
-    scene's and the keys. `say` is told of every point.
+    scene's and the keys. `say` is told of every point; where it is given, a pool that has loops to compile says so on stderr.
 
     Raises SceneError for keys and values that no point can have, KineticError where processes die again and again.
     Tests: tests/interface/test_sweep.py, tests/faults/test_sweep_workers.py.
@@ -86,8 +88,9 @@ def _listed(key: str, given: Iterable[Any]) -> list[Any]:
 
 
 def _run(
-    scene: Scene, values: dict[str, list[Any]], folder: Path, method: str, executor: Executor | None, say: Say
+    scene: Scene, values: dict[str, list[Any]], folder: Path, method: str, executor: Executor | None, told: Say | None
 ) -> xr.Dataset:
+    say = told or (lambda text: None)
     number = 1
     for listed in values.values():
         number *= len(listed)
@@ -102,9 +105,10 @@ def _run(
     if len(left) < number:
         say(f"{number - len(left)} of {number} points are there already, or have no scene")
     if left and executor is not None:
-        _ask(executor, left, say)
+        with announcing() if told else nullcontext():  # where its points run in this process
+            _ask(executor, left, say)
     elif left:
-        _ask_pools(left, say)
+        _ask_pools(left, say, aloud=told is not None)
     return combined(scene, values, all_points)
 
 
@@ -134,12 +138,14 @@ def _nothing_to_import_again() -> Iterator[None]:
         sys.modules["__main__"] = own
 
 
-def _ask_pools(left: list[Point], say: Say) -> None:
+def _ask_pools(left: list[Point], say: Say, aloud: bool) -> None:
     """Processes of this machine. One that is killed takes its pool with it: the points that are left go to another pool."""
     deaths = 0
+    # Not forked: a forked process has the parent's locks, and libraries without their threads (tests/faults/test_pools.py).
+    context = multiprocessing.get_context("spawn")
+    announce = partial(announce_from_now_on, context.Semaphore()) if aloud else None
     while left:
-        # Not forked: a forked process has the parent's locks, and libraries without their threads (tests/faults/test_pools.py).
-        pool = ProcessPoolExecutor(min(len(left), _cores()), mp_context=multiprocessing.get_context("spawn"))
+        pool = ProcessPoolExecutor(min(len(left), _cores()), context, announce)
         try:
             _ask(pool, left, say)
         except BrokenExecutor:

@@ -94,7 +94,7 @@ def run_point(point: Point) -> None:
     running = point.folder / f"{point.name}.running.nc"
     failed = ""
     try:
-        with one_blas_thread(), one_thread_of_loops():
+        with one_blas_thread(with_scipy=False), one_thread_of_loops():
             run_to_file(Scene.model_validate_json(point.scene), running, point.method, resume=True)
     except (OutputFailed, OSError, RunUnfinished):
         raise

@@ -47,10 +47,8 @@ class CollisionsInWaves:
 
     def _change(self, alpha: float) -> Array:
         """D(n, l), (count, count)."""
-        from scipy.special import roots_legendre
-
         # The integrand has no wave shorter than those of l and of n/2 together; a rule of n points is exact to degree 2n - 1.
-        nodes, weights = roots_legendre(math.ceil(1.3 * self.count) + 30)
+        nodes, weights = np.polynomial.legendre.leggauss(math.ceil(1.3 * self.count) + 30)
         r, weights = self.half * (nodes + 1) / 2, self.half / 2 * weights
         half_turn = alpha / 2 * np.outer(self.xi, r)
         turned = 4 * weights * r * np.sin(half_turn)

@@ -9,21 +9,22 @@ m h + (v - m)(1 - e)/γ + noise. The two noises are jointly Gaussian (Uhlenbeck 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from kinetic_solver.arrays import Array
 from kinetic_solver.scene import Model
 
-TERMS = 22
+TERMS = 18
 """Of the series for short times, a = γh ≤ 0.5: more than there are digits."""
-FACTORIALS = np.array([float(math.factorial(n)) for n in range(TERMS + 3)])
+OF_PHI2 = tuple((-1.0) ** n / math.factorial(n + 2) for n in range(TERMS))
+"""Coefficients of a^n in (a - 1 + e^-a)/a²."""
+OF_PSI = tuple((-1.0) ** n * (2.0 ** (n + 3) - 4.0) / math.factorial(n + 3) for n in range(TERMS))
+"""Likewise in (2a - 3 + 4e^-a - e^-2a)/a³."""
 
 
-@dataclass(frozen=True)
-class Transition:
+class Transition(NamedTuple):
     """Statistics over one step h."""
 
     decay: float
@@ -70,19 +71,29 @@ def bridge_variance(model: Model, h: float) -> float:
     return max(0.0, step.displacement_variance - step.covariance**2 / step.velocity_variance)
 
 
-def bridge_variances(model: Model, h: Array) -> Array:
-    """`bridge_variance` of many times h > 0 at once, which planning asks for by the hundred."""
+def spreads(model: Model, h: Array) -> tuple[Array, Array, Array, Array, Array]:
+    """(decay, drift time, variance of V, covariance, variance of X) of `transition`, of many times h > 0 at once, which planning
+    asks for by the hundred."""
     gamma, sigma = model.friction, model.noise
-    if gamma * sigma == 0:
-        return np.zeros_like(h)
+    zero = np.zeros_like(h)
+    if gamma == 0:
+        return np.ones_like(h), h, zero, zero, zero
     a = gamma * h
+    e, b = np.exp(-a), -np.expm1(-a) / gamma
+    if sigma == 0:
+        return e, b, zero, zero, zero
     late = np.maximum(a, 0.5)
     long = (2 * late + 4 * np.expm1(-late) - np.expm1(-2 * late)) / late**3
-    n = np.arange(3, 3 + TERMS)
-    short = np.polynomial.polynomial.polyval(-np.minimum(a, 0.5), (2.0**n - 4.0) / FACTORIALS[n])
-    displacement = sigma * gamma * h**3 * np.where(a > 0.5, long, short)
-    covariance = sigma * gamma * (np.expm1(-a) / gamma) ** 2
-    return np.maximum(0.0, displacement + covariance * (covariance / (sigma * np.expm1(-2 * a))))
+    short = np.polynomial.polynomial.polyval(np.minimum(a, 0.5), OF_PSI)
+    return e, b, -sigma * np.expm1(-2 * a), sigma * gamma * b * b, sigma * gamma * h**3 * np.where(a > 0.5, long, short)
+
+
+def bridge_variances(model: Model, h: Array) -> Array:
+    """`bridge_variance` of many times h > 0 at once."""
+    if model.friction * model.noise == 0:
+        return np.zeros_like(h)
+    _, _, of_velocity, covariance, of_displacement = spreads(model, h)
+    return np.maximum(0.0, of_displacement - covariance * (covariance / of_velocity))
 
 
 def half_transport_time(gamma: float, h: float) -> float:
@@ -125,23 +136,19 @@ def phi1(a: float) -> float:
 
 def phi2(a: float) -> float:
     """(a - 1 + e^-a)/a²."""
-    return (a + math.expm1(-a)) / a**2 if abs(a) > 0.5 else _series(a, lambda n: 1.0, 2)
+    return (a + math.expm1(-a)) / a**2 if abs(a) > 0.5 else _series(OF_PHI2, a)
 
 
 def _psi(a: float) -> float:
     """(2a - 3 + 4e^-a - e^-2a)/a³: 2/3 at a = 0."""
     if a > 0.5:
         return (2 * a + 4 * math.expm1(-a) - math.expm1(-2 * a)) / a**3
-    return -_series(a, lambda n: 4.0 - 2.0**n, 3)
+    return _series(OF_PSI, a)
 
 
-def _series(a: float, coefficient: Callable[[int], float], first: int) -> float:
-    """Σ_{n ≥ first} coefficient(n) (-1)^(n - first) a^(n - first)/n!, for a ≤ 0.5."""
-    total, power = 0.0, 1.0 / math.factorial(first)
-    for n in range(first, first + TERMS):
-        before = total
-        total += coefficient(n) * power
-        if total == before:
-            break  # as the terms to come are smaller still
-        power *= -a / (n + 1)
+def _series(coefficients: tuple[float, ...], a: float) -> float:
+    """Σ coefficients[n] a^n, for |a| ≤ 0.5."""
+    total = 0.0
+    for coefficient in reversed(coefficients):
+        total = total * a + coefficient
     return total

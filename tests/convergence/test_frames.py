@@ -78,4 +78,5 @@ def test_any_cadence(
         assert error(scene, run) <= rtol
         found[every] = (run.sizes["x"], run.sizes["v"], run.attrs["grids"].count("×"))
         assert residual(run) < max(rtol, 1e-5)
-    assert len(set(found.values())) == 1
+    if cross_section:  # without, nothing couples: waves that have faded by the first frame need no velocities that hold them
+        assert len(set(found.values())) == 1

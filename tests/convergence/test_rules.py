@@ -12,7 +12,8 @@ from typing import Any
 import pytest
 
 from kinetic_solver import Scene, SceneError, exact, solve
-from kinetic_solver.plan import make_plan
+from kinetic_solver.plan import choices, in_t, in_v, make_plan
+from kinetic_solver.plan.criterion import strictest
 from kinetic_solver.plan.in_x import fast_odd
 from kinetic_solver.plan.measured import DEPOSIT_ERROR
 
@@ -137,3 +138,20 @@ def test_hermite_functions_are_not_chosen_where_there_are_too_few() -> None:
     assert make_plan(Scene.model_validate(tables)).velocity == "points"
     with pytest.raises(SceneError, match="need more than 240 functions"):
         make_plan(Scene.model_validate({**tables, "grid": {"velocity": "hermite"}}))
+
+
+@pytest.mark.parametrize(
+    ("number", "length", "temperature"), [(0.3, 60.0, 0.7), (1.0, 3.0, 3.0), (2.2, 25.0, None), (3.0, 1.0, 3.0)]
+)
+def test_the_cheapest_exact_step_is_found(number: float, length: float, temperature: float | None) -> None:
+    """Though not all are tried."""
+    plan = make_plan(scene(follow(number), 1e-6, length, temperature, 3.0))
+    scales, width = plan.scales, plan.grid.high - plan.grid.low
+    farthest, costs = in_t.filling(scales, in_t.farthest_exact_step(scales)), {}
+    for parts in choices.EXACT_STEP_PARTS:
+        h = in_t.filling(scales, farthest / parts)
+        points = width / strictest(in_v.spacings(scales, plan.waves, in_v.Schemes("exact", "kernel", None, h))).value
+        costs[h] = parts * points * (choices.PRODUCT_COST + points)
+    assert plan.time_step is not None
+    assert costs[plan.time_step] == min(costs.values())
+    assert in_v.coarsest(scales, plan.waves) >= width / points

@@ -141,8 +141,8 @@ def test_conservation_and_budgets(rtol: float) -> None:
         mass, energy = found["mass"].values, found["energy"].values
         assert np.abs(mass / mass[0] - 1).max() < 1e-12
         assert mass[0] == pytest.approx(0.9 * 1.3, rel=1e-13)
-        assert np.abs(found["momentum_residual"]).max() < 1e-8 * mass[0]
-        assert np.abs(found["energy_residual"]).max() < 1e-6 * energy.max()
+        assert np.abs(found["momentum_residual"]).max() < max(1e-3 * rtol, 1e-9) * mass[0]
+        assert np.abs(found["energy_residual"]).max() < max(1e-2 * rtol, 1e-7) * energy.max()
         assert float(np.abs(found["energy_from_collisions"][-1])) > 0.1 * energy[0]
 
 

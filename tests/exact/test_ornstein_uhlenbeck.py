@@ -63,7 +63,7 @@ def test_velocities_that_spread(friction: float, t: float) -> None:
 def test_every_statistic_to_round_off(friction: float, t: float) -> None:
     model = Model(gravity=1.3, friction=friction, noise=0.5)
     found, expected = transition(model, t), by_quadrature(model, t)
-    for name, value in vars(expected).items():
+    for name, value in expected._asdict().items():
         assert getattr(found, name) == pytest.approx(value, rel=2e-14, abs=0), name
 
 

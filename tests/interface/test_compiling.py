@@ -43,7 +43,7 @@ def square(x: float) -> float:
 
 def test_it_is_said_once_and_the_clock_stands_still(capsys: pytest.CaptureFixture[str]) -> None:
     compiling.watch()
-    with compiling.announcing(True):
+    with compiling.announcing():
         began, ours = time.monotonic(), compiling.monotonic()
         assert numba.njit(square)(3.0) == 9.0
         assert capsys.readouterr().err == f"{compiling.LINE}\n"
@@ -55,10 +55,19 @@ def test_it_is_said_once_and_the_clock_stands_still(capsys: pytest.CaptureFixtur
 
 def test_nobody_who_does_not_ask_is_told(capsys: pytest.CaptureFixture[str]) -> None:
     compiling.watch()
-    with compiling.announcing(False):
-        assert numba.njit(square)(3.0) == 9.0
     assert numba.njit(square)(3.0) == 9.0
     assert capsys.readouterr().err == ""
+
+
+@pytest.mark.parametrize("entrance", ["solve(scene, progress=True)", "sweep(scene, {'model.noise': [0.7, 0.9]}, say=print)"])
+def test_every_entrance_says_it_once(tmp_path: Path, entrance: str) -> None:
+    """A sweep's points compile in several processes at a time; one of them says it."""
+    (tmp_path / "scene.toml").write_text(SCENE)
+    lines = ("from kinetic_solver import Scene, solve, sweep", "scene = Scene.from_toml('scene.toml')", entrance)
+    settings = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "kept")}
+    command = [sys.executable, "-c", "\n".join(lines)]
+    done = subprocess.run(command, cwd=tmp_path, env=settings, capture_output=True, text=True, check=True)
+    assert done.stderr.splitlines().count(compiling.LINE) == 1
 
 
 def test_the_command_says_it_where_its_loops_are_not_kept_yet(tmp_path: Path) -> None:

@@ -49,6 +49,22 @@ def written(scene: Scene, path: Path) -> None:
     recorder.close()
 
 
+def test_datasets_of_one_scene_share_nothing(make_scene: MakeScene) -> None:
+    """What is laid out alike is put together once; whoever changes one dataset changes no other."""
+    scene = make_scene(run={"end_time": 0.5, "output_every": 0.25}, units={"length": "m", "time": "s", "number": "1"})
+    first, untouched = solve(scene), solve(scene)
+    expected = untouched.copy(deep=True)
+    for variable in first.variables.values():
+        variable.attrs["long_name"] = "spoiled"
+        if variable.values.ndim and variable.values.flags.writeable:
+            variable.values[...] = -7.0
+    first.attrs["scene"] = "spoiled"
+    later = solve(scene)
+    for found in (untouched, later):
+        created = {name: found.attrs[name] for name in ("created", "history")}
+        xr.testing.assert_identical(found, expected.assign_attrs(created))
+
+
 def test_a_file_and_solve_hold_the_same(make_scene: MakeScene, tmp_path: Path) -> None:
     collisions = {"operator": "follow-the-leader", "cross_section": 0.5}
     output = {"f": 0.75, "moment_equations": True}

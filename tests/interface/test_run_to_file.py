@@ -279,7 +279,7 @@ def test_progress_of_what_is_kept_in_memory(
 ) -> None:
     """Lines on stderr; where logging is set up at INFO, in the log and nowhere else; a callable is called."""
     scene = make_scene(**SMALL)
-    for run in (solve, hydrodynamics.solve, simulate):
+    for run in (solve, hydrodynamics.solve, simulate, exact.solve):
         run(scene, progress=True)
         assert capsys.readouterr().err.splitlines()[-1].startswith("t = 1.5 of 1.5")
     with caplog.at_level(logging.INFO, "kinetic_solver"):

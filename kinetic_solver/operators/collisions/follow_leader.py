@@ -23,11 +23,11 @@ class FollowLeader:
         flux = (f @ self.velocity * self.dv)[:, None]
         return self.cross_section * f * (flux - density * self.velocity)
 
-    def brought(self, moments: Array, dx: float) -> tuple[float, float]:
-        """∫∫v C dv dx and ½∫∫v² C dv dx, the rates of momentum and energy, from ∫v^n f dv, n = 0 … 3, (4, nx)."""
-        n, flux, second, third = moments
+    def brought(self, moments: Array, dx: float) -> tuple[Array, Array]:
+        """∫∫v C dv dx and ½∫∫v² C dv dx, the rates of momentum and energy, (…) each, from ∫v^n f dv, n = 0 … 3, (…, 4, nx)."""
+        n, flux, second, third = (moments[..., power, :] for power in range(4))
         s = self.cross_section * dx
-        return s * float(flux @ flux - n @ second), s / 2 * float(flux @ second - n @ third)
+        return s * (flux * flux - n * second).sum(axis=-1), s / 2 * (flux * second - n * third).sum(axis=-1)
 
     def __call__(self, f: Array, dt: float) -> Array:
         """f exp(-Sρ v dt), brought back to the same ρ: the exact solution, since ρ stays as it is."""
