@@ -79,25 +79,24 @@ def resolved_density(scene: Scene, x: Array) -> Array:
 def resolved_lifted_density(scene: Scene, cross_section: float, x: Array) -> Array:
     """ρ0 exp(SΦ) over the largest exp(SΦ), Φ the periodic part of ∫ρ0 dx, on the points of a period: a step likewise cut off.
 
-    Between its jumps exp(SΦ) is an exponential, whose waves w_k are integrals in closed form; those of ρ0 exp(SΦ) are
-    (ρ̄ + ik/S) w_k, since Φ_x = ρ0 - ρ̄. For S > 0.
+    Between its jumps ρ0 is constant and exp(SΦ) an exponential, whose waves are integrals in closed form. For any S > 0.
     """
     step, length, s, mean = scene.initial.step, scene.pipe.length, cross_section, scene.initial.density
     assert step is not None
     k, outer = 2 * np.pi / length * np.arange(x.size // 2 + 1), _outer_density(scene)
     edges = length * np.array([0.0, step.start, step.end, 1.0])
     phi = s * (density_integral(scene, edges) - mean * edges)
-    w = np.zeros(k.size, dtype=complex)
+    waves = np.zeros(k.size, dtype=complex)
     for a, z, level, rho in zip(edges[:-1], edges[1:], phi - phi.max(), (outer, outer * step.ratio, outer), strict=False):
         rate = (s * (rho - mean) - 1j * k) * (z - a)
-        w += (z - a) / length * np.exp(level - 1j * k * a) * _mean_of_exponential(rate)
-    return np.fft.irfft((mean + 1j * k / s) * w * x.size, n=x.size)
+        waves += rho * (z - a) / length * np.exp(level - 1j * k * a) * _mean_of_exponential(rate)
+    return np.fft.irfft(waves * x.size, n=x.size)
 
 
 def _mean_of_exponential(rate: NDArray[np.complex128]) -> NDArray[np.complex128]:
     """The mean of exp(rate·y) over y from 0 to 1."""
-    small = np.abs(rate) < 1e-8
-    return np.where(small, 1.0, np.expm1(rate) / np.where(small, 1.0, rate))
+    still = rate == 0
+    return np.where(still, 1.0, np.expm1(rate) / np.where(still, 1.0, rate))
 
 
 def _gaussians(pulse: Pulse, place: Array) -> Array:

@@ -19,6 +19,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from kinetic_solver.rounding import rounded
+
 Matrices = NDArray[np.complex128] | NDArray[np.float64]
 
 Functions = tuple[Matrices, Matrices, Matrices, Matrices]
@@ -27,8 +29,6 @@ Functions = tuple[Matrices, Matrices, Matrices, Matrices]
 DEGREE, REACH = 27, 4.0
 """Of the Taylor polynomial of φ_3, and the |z| up to which it serves: the first term left out is 4^28/31! = 9e-18. It is
 evaluated in powers of z⁴, which costs less than the doublings from a shorter length."""
-DIGITS = 40
-"""Binary digits of a step length's mantissa that count: lengths that differ by rounding, 1e-12, have one table."""
 LEVELS = 2
 """Tables that are kept in any case: a step takes those of its length and of half of it."""
 MOST_BYTES = 2e8
@@ -53,8 +53,7 @@ class PhiTables:
 
     def get(self, h: float) -> tuple[Matrices, Matrices, Matrices]:
         """(φ_1, φ_2, φ_3) of hM."""
-        mantissa, exponent = math.frexp(h)
-        mantissa = round(mantissa * 2**DIGITS) / 2**DIGITS
+        mantissa, exponent = math.frexp(rounded(h))
         with self._lock:
             return self._get(mantissa, exponent)[1:]
 

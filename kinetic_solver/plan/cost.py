@@ -33,7 +33,7 @@ LOOK = 1e-7
 """Seconds a point, to make an observation of a state and to judge it: moments, waves, edges."""
 CALLS = {"exact": 1e-3, "strang": 1e-3, "extrapolated": 2.5e-3, "embedded": 7e-4}
 """Seconds of a step that do not depend on its size: tens of calls of NumPy, hundreds where steps are extrapolated."""
-PLANNING = 1.8e-2
+PLANNING = 1e-2
 """Seconds of planning and of making the dataset."""
 FRAME, WRITTEN = 5e-4, 1e-8
 """Seconds of a frame, and of a value of f in it: interpolated and written."""

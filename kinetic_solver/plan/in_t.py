@@ -20,6 +20,7 @@ from kinetic_solver.plan.scales import Scales
 from kinetic_solver.plan.waves import Waves
 from kinetic_solver.scene import SteppingScheme
 from kinetic_solver.stepping import count_of
+from kinetic_solver.theory.ornstein_uhlenbeck import transition
 
 FARTHEST = (4.0, 2.0)
 """Of an exact step, in mean times between thermal collisions and in relaxation times. Chosen: within a step are states on which
@@ -96,9 +97,13 @@ def strang_coefficient(scales: Scales) -> float:
     return measured.STRANG_ERROR[law.name] * (amplified_error(scales) if law.linearises else law.dissipation**2)
 
 
-def amplified_error(scales: Scales) -> float:
-    """By how much the errors of steps grow with (6) until the end of the run."""
-    return grown(measured.AMPLIFIED * scales.amplification) if scales.amplifies else 1.0
+def amplified_error(scales: Scales, clock: float = 0.0) -> float:
+    """By how much the errors of steps grow with (6) from then until the end of the run."""
+    if not scales.amplifies:
+        return 1.0
+    model, left = scales.scene.model, max(0.0, scales.end - clock)
+    share = transition(model, left).drift_time / transition(model, scales.end).drift_time
+    return grown(measured.AMPLIFIED * scales.amplification * share)
 
 
 def grown(exponent: float) -> float:

@@ -27,6 +27,7 @@ FEWER_VELOCITIES = (
     Remedy("collisions.cross_section", "less"),
     Remedy("initial.density", "less"),
     Remedy("model.friction", "less"),
+    Remedy("model.friction", "more"),
     Remedy("pipe.length", "more"),
     MORE_RTOL,
 )

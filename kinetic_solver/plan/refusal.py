@@ -103,8 +103,9 @@ def explained(scene: Scene, refused: Refused, works: Callable[[Scene], bool]) ->
             or_so = "nearer to 0" if value < 0 and remedy.way == "less" else remedy.way
             allowed.append(f"{' and '.join(keys)} = {value:.2g} or {or_so}")
     allowed += refused.besides
-    if not allowed and (given := f"{' and '.join(COARSE)}") and works(scene.replace(**COARSE)):
-        allowed = [f"a given {given}"]
+    with contextlib.suppress(SceneError, *ARITHMETIC):
+        if not allowed and works(scene.replace(**COARSE)):
+            allowed = [f"a given {' and '.join(COARSE)}"]
     return SceneError(f"{refused}; allowed: {', or '.join(allowed)}" if allowed else f"{refused}; no one key alone mends it")
 
 
@@ -144,11 +145,11 @@ def _least_change(scene: Scene, remedy: Remedy, works: Callable[[Scene], bool]) 
             return works(moved(scene, remedy, value))
         return False
 
-    fails, up = 1.0, remedy.way == "more"
+    failed, up = [1.0], remedy.way == "more"
     for factor in _factors(scene, remedy, abs(start)):
         value = _rounded(start * (factor if up else 1 / factor), up)
         if tried(value):
-            good = factor
+            good, fails = factor, max(less for less in failed if less < factor)
             while good > CLOSE * fails:
                 middle = math.sqrt(good * fails)
                 if tried(between := _rounded(start * (middle if up else 1 / middle), up)):
@@ -156,19 +157,22 @@ def _least_change(scene: Scene, remedy: Remedy, works: Callable[[Scene], bool]) 
                 else:
                     fails = middle
             return value
-        fails = factor
+        failed.append(factor)
     return None
 
 
 def _factors(scene: Scene, remedy: Remedy, start: float) -> Iterator[float]:
     most = 0.1 / start if remedy.key == "accuracy.rtol" else math.inf
+    extreme = max(start, 1 / start) if (start > 1) == (remedy.way == "less") else 1.0
+    if extreme > EXTREME and most == math.inf:
+        yield extreme  # whether it is this key at all
     yield from (factor for factor in NEAR if factor < most)
     if 1.0 < most < math.inf:
         yield most
-    elif (start > 1) == (remedy.way == "less"):
-        extreme = max(start, 1 / start)
+    else:
         yield from (factor for factor in FAR if factor < extreme)
-        yield extreme
+        if 1.0 < extreme <= EXTREME:
+            yield extreme
 
 
 def _value(scene: Scene, key: str) -> float | None:

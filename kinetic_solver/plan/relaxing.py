@@ -15,6 +15,7 @@ from kinetic_solver.laws import Inelastic
 from kinetic_solver.plan import in_t
 from kinetic_solver.plan.scales import Scales
 from kinetic_solver.plan.waves import Waves
+from kinetic_solver.rounding import rounded
 from kinetic_solver.scene import DriftDiffusionScheme, SteppingScheme, VelocityScheme
 from kinetic_solver.stability.homogeneous import HomogeneousState, homogeneous_state
 
@@ -111,7 +112,7 @@ def _obstacle(
 
 def _state(scales: Scales) -> HomogeneousState | None:
     """At the mean density."""
-    start = scales.scene.initial.model_copy(update={"density": float(f"{scales.density.mean():.12e}")})
+    start = scales.scene.initial.model_copy(update={"density": rounded(float(scales.density.mean()))})
     with contextlib.suppress(SceneError):
         return homogeneous_state(scales.scene.model_copy(update={"initial": start}))
     return None

@@ -17,7 +17,7 @@ from kinetic_solver.plan.measured import LEAST_RTOL_OF_A_STEP
 from kinetic_solver.plan.mixing import mixing
 from kinetic_solver.plan.refusal import MORE_RTOL, Refused, Remedy
 from kinetic_solver.plan.scales import Scales
-from kinetic_solver.theory.ornstein_uhlenbeck import transition
+from kinetic_solver.theory.ornstein_uhlenbeck import bridge_variance, transition
 
 DROPPED = 10.0
 """Waves of a relative amplitude below rtol over this are left out. Chosen: what is left out, all waves together, is that much
@@ -101,10 +101,16 @@ class Waves:
         return int(np.flatnonzero(_together(amplitude) > self.scales.rtol / DROPPED)[-1])
 
     def beyond(self, nx: int) -> float:
-        """The relative amplitude of all the start's waves together that nx points do not hold; of a step's at the first frame."""
+        """The relative amplitude of all the start's waves together that nx points do not hold; of a step's, and where nothing
+        couples them, what is left of it at the first frame."""
+        first = float(self.scales.times[1])
         if self.scales.scene.initial.step is None or nx == 1:
-            return float(self.amplitudes[nx // 2 + 1 :].sum())
-        left_out = self._left_out(float(self.scales.times[1]))
+            left_out = self.amplitudes[nx // 2 + 1 :]
+            if self.scales.law is None:
+                k = 2 * math.pi / self.scales.scene.pipe.length * (nx // 2 + 1 + np.arange(left_out.size))
+                left_out = left_out * np.exp(-(k**2) * bridge_variance(self.scales.scene.model, first) / 2)
+            return float(left_out.sum())
+        left_out = self._left_out(first)
         jump = float(np.ptp(self.scales.density)) / self.scales.rho_max
         return min(jump, float(left_out[min(nx // 2, left_out.size) - 1]))
 

@@ -19,13 +19,15 @@ from kinetic_solver.operators.linearised import GridLinearisedStep, HermiteLinea
 from kinetic_solver.plan import Plan
 from kinetic_solver.solver.adaptation import History
 from kinetic_solver.solver.budgets import Mark
+from kinetic_solver.solver.cut_off import CutOff
 from kinetic_solver.solver.homogeneous import Place
+from kinetic_solver.solver.kernel_error import Spectrum
 from kinetic_solver.solver.loop import Good, March
 from kinetic_solver.solver.observation import Observation
 from kinetic_solver.solver.scheme import Scheme, assemble
 from kinetic_solver.stepping import Chain, ExactSteps, Link, Pace
 
-TYPES = (Chain, History, Lifted, Link, Mark, Pace, PhaseSpaceGrid, Place, Shape)
+TYPES = (Chain, CutOff, History, Lifted, Link, Mark, Pace, PhaseSpaceGrid, Place, Shape, Spectrum)
 """The dataclasses that a snapshot holds."""
 
 

@@ -15,7 +15,10 @@ from kinetic_solver.operators.fourier import relative_amplitudes
 from kinetic_solver.operators.velocity import OrnsteinUhlenbeckKernel
 from kinetic_solver.operators.velocity.kernel import resolution, resolved_spacing
 from kinetic_solver.plan import Plan, in_t, in_v, in_x, measured
+from kinetic_solver.rounding import rounded
 from kinetic_solver.scene import Model
+from kinetic_solver.solver.cut_off import CutOff, cut_off
+from kinetic_solver.solver.kernel_error import Spectrum, kernel_error, spectrum_of
 from kinetic_solver.solver.observation import Observation
 from kinetic_solver.solver.regrid import resize
 
@@ -36,9 +39,10 @@ class ErrorEstimate:
     - x: the start's waves that the first grid leaves out, all together, of a step as they are at the first frame; what products
       of its waves miss, by their rule; with collisions besides the waves of the highest eighth, or what the linearised step
       of (6) misses of the density.
-    - v: the shortest waves in v that the points hold; with (12) the difference that twice the points make to the collision
-      rate, times how long it acts; with finite volumes their rule; in Hermite functions the last coefficients.
-    - window: f at its edges, the slow one amplified as (6) does.
+    - v: the shortest waves in v that the points hold, and what these make of the kernel of exact steps of (6); with (12) the
+      difference that twice the points make to the collision rate, times how long it acts; with finite volumes their rule; in
+      Hermite functions the last coefficients.
+    - window: f at its edges, amplified as (6) does until the end, or what is left of that which they cut off the start.
 
     Held against true errors in tests/convergence/test_estimate.py.
     """
@@ -53,6 +57,8 @@ class ErrorEstimate:
             self._of_steps = in_t.strang_error(scales, plan.waves, plan.time_step)
         self._lost = plan.waves.beyond(plan.grid.nx) + in_x.error_of_step_products(scales, plan.waves, plan.grid.nx)
         self._parts = dict.fromkeys(PARTS, 0.0)
+        self._cut_off: tuple[CutOff, ...] = ()
+        self._start: Spectrum | None = None
 
     def step(self, seen: Observation) -> None:
         """A step has ended, with an estimate of its own error."""
@@ -63,21 +69,32 @@ class ErrorEstimate:
 
     def parts(self, seen: Observation, diagnostics: dict[str, float]) -> dict[str, float]:
         """All parts, and `error_estimate`, their sum."""
-        now = {"error_window": max(diagnostics["edge_error_low"], diagnostics["edge_error_high"])}
-        if seen.clock > 0:
-            now |= {"error_x": _of_x(seen, diagnostics, self._lost), "error_v": _of_v(seen)}
-        self._parts = {name: max(self._parts[name], now.get(name, 0.0)) for name in PARTS}
         if seen.clock == 0:
+            self._cut_off, self._start = cut_off(seen, diagnostics), spectrum_of(seen)
             return dict.fromkeys(("error_estimate", *PARTS), 0.0)  # what is shown then is the start itself
+        now = {
+            "error_x": _of_x(seen, diagnostics, self._lost * seen.plan.scales.rho_max / float(seen.moments.density.max())),
+            "error_v": _of_v(seen) + (0.0 if self._start is None else kernel_error(seen, self._start)),
+            "error_window": self._of_window(seen, diagnostics),
+        }
+        self._parts = {name: max(self._parts[name], now.get(name, 0.0)) for name in PARTS}
         self._parts["error_time"] = self._of_steps
         return {"error_estimate": self.total, **self._parts}
 
-    def state(self) -> tuple[float, dict[str, float]]:
-        """All that changes as a run goes on."""
-        return self._of_steps, dict(self._parts)
+    def _of_window(self, seen: Observation, diagnostics: dict[str, float]) -> float:
+        low = diagnostics["edge_error_low"]
+        high = diagnostics["edge_error_high"] * in_t.amplified_error(seen.plan.scales, seen.clock)
+        if not self._cut_off:
+            return low + high
+        cut_low, cut_high = (lost.after(seen) for lost in self._cut_off)
+        return max(low, cut_low) + max(high, cut_high)
 
-    def restore(self, state: tuple[float, dict[str, float]]) -> None:
-        self._of_steps, self._parts = state[0], dict(state[1])
+    def state(self) -> tuple[float, dict[str, float], tuple[CutOff, ...], Spectrum | None]:
+        """All that changes as a run goes on."""
+        return self._of_steps, dict(self._parts), self._cut_off, self._start
+
+    def restore(self, state: tuple[float, dict[str, float], tuple[CutOff, ...], Spectrum | None]) -> None:
+        self._of_steps, self._parts, self._cut_off, self._start = state[0], dict(state[1]), state[2], state[3]
 
     @property
     def total(self) -> float:
@@ -94,7 +111,21 @@ def _of_x(seen: Observation, diagnostics: dict[str, float], lost: float) -> floa
         return 0.0
     if seen.plan.law is None:  # waves do not couple
         return lost
-    return lost + max(diagnostics["spectral_tail"], diagnostics["density_defect"])
+    highest = _highest(seen) if seen.scheme.exact else diagnostics["spectral_tail"]
+    return lost + max(highest, diagnostics["density_defect"])
+
+
+HIGHEST = 3
+"""Waves in x that are looked at, where an eighth of all are fewer, of many that the start does not have: what comes of waves 3
+and 6 are multiples of 3. Chosen."""
+
+
+def _highest(seen: Observation) -> float:
+    """The height of the highest eighth of waves in x after exact steps of (6), which put what the points do not hold of their
+    products among them: all together, twice the sum of their amplitudes."""
+    amplitude = seen.waves_in_x
+    above_the_start = amplitude.size - 1 - seen.plan.waves.highest_mode
+    return 2 * float(amplitude[-max(1, amplitude.size // 8, min(HIGHEST, above_the_start // 3)) :].sum())
 
 
 def _of_v(seen: Observation) -> float:
@@ -113,27 +144,40 @@ def _of_v(seen: Observation) -> float:
 def waves_in_v(seen: Observation) -> float:
     """The error that waves in v make which the points do not hold, judged by the amplitude a of the shortest that they hold.
 
-    It is about a between the points, where f may be written, and where a step was not resolved. At the points, and in sums over
-    them, only waves of twice that wavenumber err, which a smooth spectrum makes smaller than a²: so it is where exact steps
-    resolve their kernel.
+    At the points, and in sums over them, exact steps that resolve their kernel err by waves of twice that wavenumber, which a
+    smooth spectrum makes smaller than a². Between them, where f may be written, and where the kernel is band-limited, as without
+    collisions it may be, err all waves that are left out, and what stands for them among the longer ones. Else it is about a.
     """
     amplitude = shortest_of(seen.waves_in_v)
     plan, grid = seen.plan, seen.grid
-    if not seen.scheme.exact or plan.reference_frame.moving or plan.drift_diffusion != "kernel":
+    if not seen.scheme.exact or plan.drift_diffusion != "kernel":
         return amplitude
     model, dv = plan.inner.model, grid.dv
     step = seen.clock if plan.time_step is None else plan.shortest_step
     resolved = model.friction * model.noise == 0 or dv <= resolved_spacing(model, step, resolution(plan.inner.accuracy.rtol)) * (
         1 + 1e-9
     )
-    if not resolved:
+    if not resolved and plan.law is not None:
         return amplitude
-    at_points = (plan.output.nv, plan.output.low, plan.output.high) == (grid.nv, grid.low, grid.high)
-    if at_points or plan.scene.output.f is False:
+    same = (plan.output.nv, plan.output.low, plan.output.high) == (grid.nv, grid.low, grid.high)
+    if resolved and ((same and not plan.reference_frame.moving) or plan.scene.output.f is False):
         return amplitude**2
     # A wave's height over max f: the longest, with which amplitudes are compared, is the mean of f over the window.
     mean = float(seen.moments.density.max()) / (grid.high - grid.low) / float(seen.f.max())
-    return max(amplitude**2, 2 * mean * amplitude)
+    return max(amplitude**2, 4 * mean * _left_out(seen.waves_in_v))
+
+
+FLATTEST = 0.9
+"""Of an amplitude to the next longer wave's, at most: beyond that it is rounding which is seen. Chosen."""
+
+
+def _left_out(amplitude: Array) -> float:
+    """The sum of the amplitudes of all waves in v that are shorter than the points hold, as a geometric series after the last but
+    one (of the last, at an even number of points, only the cosine is held), its ratio that of the last quarter."""
+    last, quarter = shortest_of(amplitude), amplitude.size // 4
+    before = shortest_of(amplitude[: amplitude.size - quarter]) if quarter else last
+    ratio = min(FLATTEST, (last / before) ** (1 / max(1, quarter))) if before > 0 else FLATTEST
+    return last * ratio / (1 - ratio)
 
 
 def shortest_waves(f: Array, share: float = 0.0) -> float:
@@ -180,15 +224,17 @@ def rate_error(seen: Observation, time: float) -> float:
 
 
 def _forgetting(seen: Observation) -> float:
-    """1/time; in two digits, so that its tables serve more than once."""
+    """1/time; in few digits, so that its tables serve more than once."""
     law, m = seen.plan.law, seen.moments
     if law is None or law.dissipation == 0:
         return 0.0
     mean = float(m.density.mean())
     theta = float((m.density * m.temperature).mean()) / mean
-    return float(f"{law.frequency(mean, theta) * law.dissipation / 2:.1e}") if theta > 0 else 0.0
+    return rounded(law.frequency(mean, theta) * law.dissipation / 2, FEW_DIGITS) if theta > 0 else 0.0
 
 
+FEW_DIGITS = 5
+"""Binary digits of a rate at which collisions forget: 3 %, as exact as its rule is."""
 DOUBLINGS = 6
 """Of the first part of the time, on which the response to an error is integrated by `NODES` Gauss-Legendre nodes."""
 NODES = 3

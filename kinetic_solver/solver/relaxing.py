@@ -10,6 +10,7 @@ from kinetic_solver.laws import Inelastic
 from kinetic_solver.operators.collisions import on_points
 from kinetic_solver.operators.relaxation import Generators, Relaxation
 from kinetic_solver.plan import Plan
+from kinetic_solver.rounding import rounded
 from kinetic_solver.scene import Model
 from kinetic_solver.stability.inelastic import inelastic_flow
 
@@ -20,7 +21,7 @@ KEPT = 2
 def relaxation(plan: Plan) -> Relaxation:
     """About the homogeneous state at the mean density, for a plan with (12), friction and noise, on velocity points."""
     assert isinstance(plan.law, Inelastic)
-    density = float(f"{plan.scales.density.mean():.12e}")
+    density = rounded(float(plan.scales.density.mean()))
     return Relaxation(_generators(plan.grid, plan.inner.model, plan.law, density, plan.deposit or "quintic"))
 
 

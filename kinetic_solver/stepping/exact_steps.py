@@ -11,6 +11,7 @@ from typing import Any, Protocol
 
 from kinetic_solver.arrays import Array
 from kinetic_solver.errors import LostAccuracy
+from kinetic_solver.rounding import rounded
 from kinetic_solver.stepping.drive import advance
 from kinetic_solver.stepping.protocol import Step, Stepper, Substep
 
@@ -187,7 +188,7 @@ class ExactSteps:
     def _from(self, link: Link, time: float) -> tuple[Any, Array]:
         """(lifted state, f) at the time, by one step from a link."""
         # Equal times apart must be equal numbers, for substeps keep tables by them.
-        h = float(f"{time - link.time:.12e}")
+        h = rounded(time - link.time)
 
         def exact() -> tuple[Any, Array]:
             new = self.exact.propagate(link.lifted, h)

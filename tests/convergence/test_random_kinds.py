@@ -9,7 +9,9 @@ from typing import Any
 
 import pytest
 
-from benchmarks.random_kinds import KINDS, OPERATORS, attempt
+from benchmarks.random_kinds import attempt
+from benchmarks.random_kinds_scenes import KINDS, OPERATORS
+from benchmarks.random_kinds_tables import underrated
 from kinetic_solver.scene import INELASTIC
 
 RTOL = 1e-3
@@ -18,6 +20,9 @@ ROUND = len(KINDS) * len(OPERATORS)
 CLOSED = [seed for seed in range(ROUND) if OPERATORS[seed % len(OPERATORS)] != INELASTIC]
 WITH_PAIRS = [5, 17, 23, 35]
 """Cold, waves, beams, without gravity: those that take less than a second, their references too."""
+HARD_TO_RATE = [(16, 1e-3), (88, 1e-4), (112, 1e-3), (121, 1e-3), (148, 1e-6), (283, 1e-6), (310, 1e-6)]
+"""Seeds and rtol whose errors come of what is easily overlooked: the highest waves in x together (16), a start of few of them
+(148), the kernel's points (88), waves in v between the points (112, 121, 283, 310)."""
 LONGEST = 0.5
 """Seconds that a run may be foretold to take, here."""
 
@@ -28,7 +33,7 @@ def check(line: dict[str, Any]) -> None:
         assert "allowed" in line["refused"], line
         return
     assert max(line["errors"].values()) <= 1 or line["said"], line
-    assert line["errors"]["f"] <= max(line["estimate"], 1e-2), line
+    assert not underrated([line]), line
 
 
 @pytest.mark.parametrize("seed", CLOSED)
@@ -36,6 +41,12 @@ def test_against_the_closed_form(seed: int) -> None:
     line = attempt(seed, RTOL, longest=LONGEST)
     if "too_long" not in line:
         check(line)
+
+
+@pytest.mark.parametrize(("seed", "rtol"), HARD_TO_RATE)
+def test_estimates_are_no_less_than_errors(seed: int, rtol: float) -> None:
+    line = attempt(seed, rtol)
+    assert line["errors"]["f"] <= line["estimate"] <= 1, line
 
 
 @pytest.mark.parametrize("seed", WITH_PAIRS)

@@ -214,10 +214,10 @@ def _work(scene: Scene, points: Points, end: float) -> float:
     return float(stages * points.nx * points.nv * (40 + 0.75 * points.nv))
 
 
-def integrate(scene: Scene, points: Points, rtol: float) -> Frames:
+def integrate(scene: Scene, points: Points, rtol: float, most_work: float = MOST_WORK) -> Frames:
     """All frames of the scene. `rtol` bounds the error of each step in time, of the largest f."""
     times = scene.times()
-    if (work := _work(scene, points, float(times[-1]))) > MOST_WORK:
+    if (work := _work(scene, points, float(times[-1]))) > most_work:
         raise OutOfReach(f"{points.nx} × {points.nv} points, {work:.1g} multiplications")
     f = _start(scene, points)
     rate = Rate(scene, points)
@@ -228,7 +228,9 @@ def integrate(scene: Scene, points: Points, rtol: float) -> Frames:
     return Frames(points, times, found.y.T.reshape(times.size, points.nx, points.nv))
 
 
-def solve(scene: Scene, tolerance: float, modes: int = 16, theta_min: float | None = None) -> Frames:
+def solve(
+    scene: Scene, tolerance: float, modes: int = 16, theta_min: float | None = None, most_work: float = MOST_WORK
+) -> Frames:
     """The frames of a scene with operator (12), the highest modes in x and v below `tolerance` of the largest.
 
     Raises OutOfReach.
@@ -239,7 +241,7 @@ def solve(scene: Scene, tolerance: float, modes: int = 16, theta_min: float | No
         points = Points(
             points.nx, 2 * math.ceil(finer_v * (points.nv // 2)) + 1, points.centre, points.half, points.longest, points.length
         )
-        frames = integrate(scene, points, tolerance / 100)
+        frames = integrate(scene, points, tolerance / 100, most_work)
         in_x, in_v = frames.shortest()
         if max(in_x, in_v) <= tolerance:
             return frames

@@ -145,9 +145,13 @@ class GridLinearisedStep:
             values = self._transform.inverse()
         with np.errstate(all="ignore"):
             n = values.sum(axis=1) * self.grid.dv
-            # E = W exp(Sρ̄x) times a constant, and E_x = S n exp(Sρ̄x)
-            w = np.fft.irfft(s * np.fft.rfft(n) / (s * mean + 1j * k), n=self.grid.nx)
-            return self._with_density(values, n, w, mean + derivative(np.log(w), k) / s, rounded=True)
+            # E = W exp(Sρ̄x) times a constant, and E_x = S n exp(Sρ̄x). W is its mean times 1 + δ: where S is small so is δ, but
+            # not ∂_x(log W)/S.
+            spectrum = s * np.fft.rfft(n) / (s * mean + 1j * k)
+            level, spectrum[0] = float(spectrum[0].real) / self.grid.nx, 0.0
+            delta = np.fft.irfft(spectrum, n=self.grid.nx) / level
+            log = np.where(np.abs(delta) < 0.5, np.log1p(delta), np.log(1 + delta))
+            return self._with_density(values, n, level * (1 + delta), mean + derivative(log, k) / s, rounded=True)
 
     def moments(self, lifted: Lifted, times: Sequence[float], blurs: Sequence[float]) -> Array | None:
         """∫v^n f dv, n = 0 … 3, after each time, shape (times, 4, nx), at a fraction of what f costs (linearised/moments.py).
