@@ -41,6 +41,7 @@ VARIABLES: Variables = {
         "error_x": ((), "1", "of it, from the waves in x that the grid cannot hold"),
         "error_v": ((), "1", "of it, from the spacing in v"),
         "error_window": ((), "1", "of it, from the edges of the velocity window"),
+        "error_rounding": ((), "1", "of it, from rounding that follow-the-leader collisions amplify"),
     },
     "budgets": {
         **{f"momentum_rate_{t}": ((), "particles length time-2", f"rate of momentum by {t}")

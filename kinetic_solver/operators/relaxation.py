@@ -7,7 +7,8 @@ Per wavenumber k of f's Fourier series in x, δf_t = M_k δf with
 a dense matrix over the velocity points, in the frame of the mean velocity u_h: seen from any other the remainder would turn with
 every wave that passes. What a step makes in that frame is moved on by u_h h. Drift and diffusion are the spectral derivatives of
 which the kernel's band-limited form (operators/velocity/kernel.py) is the exponential; C' is that of the very quadrature that
-steps f, so the remainder C[f] - C'[f_h] f has no linear part at f_h. Columns of M_0 sum to zero: mass is kept.
+steps f, so the remainder C[f] - C'[f_h] f has no linear part at f_h. Columns of M_0 sum to zero: mass is
+kept; and momentum changes by gravity and friction alone.
 Tests: tests/invariants/test_relaxation.py.
 """
 
@@ -42,6 +43,11 @@ class Generators:
         self.share = share / share.sum()
         """Of a mass that rounding makes, at each velocity."""
         at_rest -= np.outer(self.share, at_rest.sum(axis=0))
+        # What the period of the spectral derivatives makes of momentum, beside g - γv for a particle at v, is taken out as well:
+        # f at one edge of the window has no counterpart at the other.
+        v = grid.v - self.share @ grid.v
+        moved = self.share * v / (self.share @ v**2)
+        at_rest -= np.outer(moved, v @ at_rest - (model.gravity - model.friction * grid.v))
         if not np.isfinite(at_rest).all():
             raise SolverStopped(
                 f"the relaxation to the homogeneous state is not finite on {grid.nv} velocities in [{grid.low:g}, "

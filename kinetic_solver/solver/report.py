@@ -9,6 +9,11 @@ from kinetic_solver.plan import choices
 from kinetic_solver.solver.estimate import ErrorEstimate
 from kinetic_solver.solver.scheme import Scheme
 
+TOLERATED = 1.7
+"""Times rtol that the estimate may come to without a warning: a sum of bounds, of which a run lets either edge of the window have
+0.3 of rtol, the collision rate 0.7 and the steps 0.4 (solver/monitor.py, plan/in_t.py). They do not meet at one place: the true
+errors of 200 random scenes at three rtol were half of it at the most (docs/accuracy.md)."""
+
 
 @dataclass(frozen=True)
 class Report:
@@ -35,7 +40,7 @@ def last_words(scheme: Scheme, estimate: ErrorEstimate, of_steps: float, shortes
     plan, scene = scheme.plan, scheme.plan.inner
     rtol = plan.scene.accuracy.rtol
     # The estimate is about f, where that is written.
-    if estimate.total > rtol and plan.scene.output.f is not False and not warned:
+    if estimate.total > TOLERATED * rtol and plan.scene.output.f is not False and not warned:
         warnings.warn(
             f"the estimated error, {estimate.total:.2g} of max f, exceeds accuracy.rtol = {rtol:g}; it is limited by "
             f"{estimate.limited_by()}; refine that, lower accuracy.rtol, or certify the run",

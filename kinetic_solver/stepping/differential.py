@@ -25,13 +25,23 @@ def integrate(
     absolute: Array,
 ) -> Array:
     """y (n,) at the ends of all steps from start to end, (steps + 1, n), each with a local error of relative·|y| + absolute.
+    What the integrator sees is the share of the interval that is done: its bits do not depend on the unit of time.
 
     Raises StepTooSmall where no step is short enough.
     """
     from scipy.integrate import solve_ivp
 
+    length = end - start
     with ONE_AT_A_TIME, np.errstate(all="ignore"):
-        found = solve_ivp(rate, (start, end), y, method="LSODA", rtol=relative, atol=absolute, jac=jacobian)
+        found = solve_ivp(
+            lambda share, y: length * rate(start + share * length, y),
+            (0.0, 1.0),
+            y,
+            method="LSODA",
+            rtol=relative,
+            atol=absolute,
+            jac=lambda share, y: length * jacobian(start + share * length, y),
+        )
     if not found.success or not np.isfinite(found.y).all():
         raise StepTooSmall(f"no step keeps the error asked for ({found.message})")
     return found.y.T

@@ -83,6 +83,8 @@ def test_mass_and_momentum_of_the_generator() -> None:
     assert np.abs(found.at_rest.sum(axis=0)).max() < 1e-14 * size
     v = found.grid.v
     assert np.abs(v @ found.collisions).max() < 1e-13 * (np.abs(v) @ np.abs(found.collisions)).max()
+    momentum = MODEL.gravity - MODEL.friction * v
+    assert np.abs(v @ found.at_rest - momentum).max() < 1e-13 * np.abs(v).max() * size
 
 
 def test_the_homogeneous_state_is_stationary_and_the_rest_decays() -> None:
