@@ -120,8 +120,8 @@ def _of_x(seen: Observation, diagnostics: dict[str, float], lost: float) -> floa
 
 
 ROUNDING, AMPLIFIED = 1e-19, 2.2
-"""(a, b): rounding errs by a exp(b R_t) of max f, R_t at the time, or less: above the errors that were measured of waves of 30 and
-85 % on pipes from 25 to 120 at R_t = 8 to 19, from 5e-12 at 8.1 to 0.25 at 19.2. On shorter pipes it is far less."""
+"""(a, b): rounding errs by a exp(b R_t) of max f, R_t at the time, or less: above the errors that were measured of waves of 30
+and 85 % on pipes from 25 to 120 at R_t = 8 to 19, from 5e-12 at 8.1 to 0.25 at 19.2. On shorter pipes it is far less."""
 
 
 def _of_rounding(seen: Observation) -> float:
