@@ -168,3 +168,28 @@ def test_operator_12_not_too_small(grid: dict[str, Any], refined: xr.Dataset) ->
     """Errors of 2e-3 to 9e-3, of which the estimate says a hundredth to a fifth."""
     error, found = error_and_run(scene_of(INELASTIC, {"grid": grid}), refined)
     assert float(found["error_estimate"].max()) > TOO_LOW * error
+
+
+def test_rounding_that_collisions_amplify_is_told() -> None:
+    """R_t = 19, where no grid meets rtol: f errs by 9e-4 of its maximum."""
+    scene = Scene.model_validate(
+        {
+            "model": {"gravity": 1.3, "friction": 0.3, "noise": 0.8},
+            "collisions": {"operator": "follow-the-leader", "cross_section": 5.0},
+            "pipe": {"length": 47.0},
+            "initial": {
+                "density": 0.9,
+                "modes": [{"mode": 1, "cos": 0.6}, {"mode": 4, "sin": 0.25}],
+                "mean_velocity": 0.4,
+                "temperature": 0.7,
+            },
+            "run": {"end_time": 5.0},
+            "accuracy": {"rtol": 1e-4},
+            "output": {"moments": False, "budgets": False},
+        }
+    )
+    with pytest.warns(UserWarning, match="limited by rounding"):
+        run = solve(scene)
+    truth = exact.solve(scene, x=run["x"].values, v=run["v"].values)
+    off = float(np.abs(run["f"][-1] - truth["f"][-1]).max() / truth["f"][-1].max())
+    assert 1e-4 < off < float(run["error_rounding"][-1]) < 300 * off
