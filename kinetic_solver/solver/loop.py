@@ -95,7 +95,7 @@ class March:
             plan = self.scheme.plan
             # The start is known on the output's grid. A step in the density is shown as it is, not as the solver can carry it.
             others = dataclasses.replace(plan.whole, nx=plan.grid.nx) != plan.grid
-            known = others or plan.reference_frame.moving or plan.scene.initial.step is not None
+            known = others or plan.reference_frame.moving or plan.scene.initial.step is not None or not plan.start.closed_form
             self._write(0, start_shown(plan) if known else None)
         for frame, (start, end) in enumerate(itertools.pairwise(self.scheme.plan.times.tolist()), 1):
             if frame > self.frame:
