@@ -73,7 +73,7 @@ def with_its_points(grid: PhaseSpaceGrid, start: GivenStart, here: Scales) -> Ph
     """The output's: the start's own velocities, and where the flow leaves them more at the same distance, to the edges of `grid`,
     which holds all that the solver does; `grid` itself where it is finer."""
     own, (low, high) = start.table, start.laboratory
-    if grid.dv < own.dv * (1 - SAME):
+    if grid.dv < own.dv * (1 - 1 / grid.nv - SAME):  # a frame that moves brings its points to a whole number
         return grid
     left_out = 0.0 if here.amplifies else LEFT_OUT * (high - low)
     wide = replace(

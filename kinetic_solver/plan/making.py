@@ -111,6 +111,8 @@ def _make_plan(scene: Scene, known: Mapping[str, str], law: CollisionLaw | None,
         functions = in_hermite.count(scales, waves, nv / measured.HERMITE_PAYS)
         if measured.HERMITE_PAYS * functions.value <= nv:
             velocity, nv, chosen["nv"] = "hermite", int(functions.value), functions.reason
+    if velocity == "points":
+        limits.of_doubles(scales)
     if velocity == "points" and inner.grid.nv is None:
         limits.of_velocities(nv, shown.reason)
     points = Criterion(inner.grid.nx, "") if inner.grid.nx else in_x.points(scales, waves)

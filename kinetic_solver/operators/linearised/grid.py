@@ -35,7 +35,7 @@ from kinetic_solver.operators.tables import Tables
 from kinetic_solver.operators.transport import resolved_waves, shift_phases
 from kinetic_solver.operators.velocity import DriftDiffusion
 from kinetic_solver.scene import Model
-from kinetic_solver.theory.ornstein_uhlenbeck import transition, transport_times
+from kinetic_solver.theory.ornstein_uhlenbeck import half_transport_time, transition, transport_times
 
 ROUND_OFF = float(np.finfo(float).eps)
 """Relative spacing of doubles, 2.2e-16."""
@@ -94,6 +94,7 @@ class GridLinearisedStep:
         """Drops all tables: of steps whose lengths do not come again."""
         self._growing = Tables[LinearStep](GROWTHS)
         self._tables = Tables[_LocalTable](TABLES)
+        self._kernels = Tables[Array](TABLES)
 
     def gauge_range(self, f: Array) -> float:
         """S·(max - min) of the periodic part of Φ: the logarithm of max W/min W."""
@@ -105,6 +106,8 @@ class GridLinearisedStep:
         mean = float(density.mean())
         if not (np.isfinite(f).all() and mean > 0):
             raise LostAccuracy("f is not a distribution any more")
+        if self.grid.nx == 1:
+            return Lifted(f, None)
         phi = self.cross_section * self._potential(density)
         if ROUND_OFF * math.exp(min(float(np.ptp(phi)), 700.0)) > self.tolerance:
             return Lifted(f, None)
@@ -120,6 +123,8 @@ class GridLinearisedStep:
         """After h; in the local gauge it may come back in the global one."""
         # Whatever goes wrong inside shows as a density that is not a positive number, which is looked for.
         with np.errstate(all="ignore"):
+            if self.grid.nx == 1:
+                return Lifted(self._in_one_place(lifted.values, h), None)
             if lifted.mean_density is not None:
                 values = self._growing.get(lifted.mean_density, self._growing_at)(lifted.values, h)
                 return Lifted(values / values.max(), lifted.mean_density)
@@ -176,6 +181,18 @@ class GridLinearisedStep:
             return None, mean
         return self._transform.forward(lifted.values * np.exp(phi - phi.max())[:, None]).copy(), mean
 
+    def _in_one_place(self, f: Array, h: float) -> Array:
+        """Where nothing depends on x: exp(-Sρτv), the kernel over h, and exp(-Sρτv) again, each brought back to the same ρ, with
+        τ = tanh(γh/2)/γ as in operators/linear.py. Factors are taken as logarithms, for in a wide window they are no doubles."""
+        density = float(f.sum()) * self.grid.dv
+        tilt = self.cross_section * density * half_transport_time(self.model.friction, h) * self.grid.v
+        kernel_t = self._kernels.get(h, lambda h: np.ascontiguousarray(self.drift_diffusion.matrix(h).T))
+        tilted = _times_exp(_times_exp(f, -tilt) @ kernel_t, -tilt)
+        n = float(tilted.sum())
+        if not (np.isfinite(n) and n > 0):
+            raise LostAccuracy("f is not a distribution any more")
+        return np.asarray(tilted * (density / (n * self.grid.dv)))
+
     def _growing_at(self, mean_density: float) -> LinearStep:
         growth = self.cross_section * mean_density
         return LinearStep(self.grid, self.model, self.drift_diffusion, growth, self._transform)
@@ -225,6 +242,12 @@ class GridLinearisedStep:
         outer = _shift(self.grid, a * self.grid.v)
         inner = _shift(self.grid, b * self.grid.v + rest)
         return _LocalTable(outer, inner, kernel_t)
+
+
+def _times_exp(f: Array, exponent: Array) -> Array:
+    """f exp(exponent) over its largest value."""
+    size = np.log(np.abs(f)) + exponent
+    return np.asarray(np.sign(f) * np.exp(size - size.max()))
 
 
 @dataclass(frozen=True)
