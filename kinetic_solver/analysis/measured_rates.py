@@ -101,7 +101,7 @@ def mode_amplitudes(dataset: xr.Dataset) -> Complex:
     """c_n(t) = (1/L)∫ρ exp(-ikx) dx over the mean density, n = 0 … (nx - 1)//2, shape (time, modes)."""
     x, density = dataset["x"].values, dataset["density"].values
     n = np.arange((x.size - 1) // 2 + 1)
-    start = np.exp(-2j * np.pi * n * x[0] / (x.size * (x[1] - x[0])))
+    start = np.exp(-2j * np.pi * n * x[0] / scene_of(dataset).pipe.length)
     return np.fft.rfft(density, axis=1)[:, : n.size] * start / density.sum(axis=1)[:, None]
 
 

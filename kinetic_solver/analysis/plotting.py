@@ -76,13 +76,9 @@ def _nearest(dataset: xr.Dataset, name: str, shown: Array) -> list[int]:
 def _title(figure: Figure, dataset: xr.Dataset) -> None:
     """The scene; the method and its grid; in colour, what a reader must know before the picture is believed."""
     said = [in_words(scene_of(dataset)), method_in_words(dataset)]
-    warned = (
-        ["\n".join(textwrap.wrap(stopped, int(LETTERS * figure.get_figwidth())))]
-        if (stopped := stopped_in_words(dataset))
-        else []
-    )
+    warned = ["\n".join(textwrap.wrap(stopped_in_words(dataset), int(LETTERS * figure.get_figwidth())))]
     if dataset.sizes["x"] > 1 and panels.are_beads(dataset):
         warned.append("fronts move far between frames, which the map shows as beads: a smaller run.output_every shows them move")
     figure.suptitle("\n".join(said), fontsize=11)
-    if warned:
-        figure.supxlabel("; ".join(warned), fontsize=11, color=ORANGE)
+    if any(warned):
+        figure.supxlabel("\n".join(filter(None, warned)), fontsize=11, color=ORANGE)
