@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from kinetic_solver.analysis.frames import refuse_sweep
 from kinetic_solver.arrays import Array
 from kinetic_solver.dataset import refuse_law, scene_of
 from kinetic_solver.errors import SceneError
@@ -46,8 +47,9 @@ def measured_rates(dataset: xr.Dataset, modes: int | Iterable[int] | None = None
     `uncertainty` of |s|: the fit's standard error (for particles with frames counted once per correlation time 1/|Re s|), plus
     the change when the window's first half is left out, plus the predicted error. NaN where a mode is at the noise, has too few
     frames, or is beyond the grid. Test: tests/linear_theory/test_measured_rates.py.
-    Raises SceneError where the dataset lacks the density or has one point in x.
+    Raises SceneError where the dataset lacks the density or has one point in x, and for a sweep.
     """
+    refuse_sweep(dataset)
     refuse_law(dataset)
     scene = scene_of(dataset)
     if "density" not in dataset or dataset.sizes["x"] < 3:

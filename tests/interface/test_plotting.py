@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 from kinetic_solver import Scene, SceneError, solve, sweep
 from kinetic_solver.analysis.frames import chosen_frames, some
 from kinetic_solver.analysis.info import summary
+from kinetic_solver.analysis.measured_rates import measured_rates
 from kinetic_solver.analysis.plotting import overview
 from kinetic_solver.dataset import STOPPED, open_run, write_dataset
 from particles import simulate
@@ -141,7 +142,7 @@ def test_few_particles_leave_places_white(make_scene: MakeScene) -> None:
 
 def test_a_sweep_is_no_run(make_scene: MakeScene) -> None:
     found = sweep(make_scene(run={"end_time": 0.5}), {"initial.density": [0.5, 0.8]})
-    for draw in (overview, summary):
+    for draw in (overview, summary, measured_rates):
         with pytest.raises(SceneError, match=r"^the file is a sweep over initial\.density; allowed: the file of one run"):
             draw(found)
 
