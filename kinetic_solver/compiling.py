@@ -13,8 +13,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import Protocol
 
-from kinetic_solver.loading import without
-
 LINE = "compiling loops for this machine"
 
 
@@ -60,11 +58,6 @@ _watch = _Watch()
 def watch() -> None:
     """Listen to numba's compiler, from now on."""
     from numba.core import event
-
-    # To compile, or to load what it compiled, numba loads this module, and that SciPy's linear algebra, a tenth of a second, for
-    # the inner products of np.convolve and np.correlate. Without it they are loops; np.dot loads it when it is compiled.
-    with without("scipy.linalg"):
-        import numba.np.arraymath  # noqa: F401
 
     class Listener(event.Listener):
         def on_start(self, _: object) -> None:

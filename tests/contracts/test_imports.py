@@ -18,8 +18,7 @@ import pytest
 ROOT = Path(__file__).parents[2]
 PACKAGES = ("kinetic_solver", "particles")
 
-BASE = {"arrays", "compiling", "errors", "interpolation", "loading", "machine", "progress", "rounding", "threads"}
-BASE |= {"when_xarray_comes"}
+BASE = {"arrays", "compiling", "errors", "interpolation", "machine", "progress", "rounding", "threads", "when_xarray_comes"}
 LAWS = BASE | {"laws"}
 SCENE = LAWS | {"scene"}
 SHARED = SCENE | {"theory", "grid", "stability", "dataset", "initial"}
@@ -228,17 +227,6 @@ def test_scipy_comes_whole_after_pyfftw() -> None:
     """fourier.py keeps pyfftw from loading scipy.fftpack, and nobody else."""
     code = "from kinetic_solver.operators.fourier import RealTransform\nRealTransform(8, 3)\nimport scipy.fftpack"
     assert loaded(f"{code}\nscipy.fftpack.fft([1.0, 2.0])") == ["numpy", "scipy", "pyfftw"]
-
-
-def test_a_run_with_pairs_loads_no_linear_algebra_of_scipy(tmp_path: Path) -> None:
-    """numba would load it for its inner products; whoever compiles a product of matrices has it all the same."""
-    scene = ROOT / "scenes" / "inelastic.toml"
-    arguments = ["run", str(scene), "-o", str(tmp_path / "run.nc"), "--set", "run.end_time=0.2", "--set", "accuracy.rtol=0.01"]
-    code = f"sys.argv = ['kinetic-solver', *{arguments}]\ntry:\n    import kinetic_solver.__main__\nexcept SystemExit: pass"
-    product = "import numba, numpy\na = numpy.eye(2) + 1\nassert (numba.njit(lambda a: a @ a)(a) == a @ a).all()"
-    alone, besides = f"{code}\nassert 'scipy.linalg' not in sys.modules", f"{product}\nassert 'scipy.linalg' in sys.modules"
-    assert loaded(f"{alone}\n{besides}") == ["numpy", "numba", "scipy", "netCDF4", "pyfftw"]
-    assert (tmp_path / "run.nc").exists()
 
 
 def test_a_scene_is_checked_without_compilers_and_files() -> None:
