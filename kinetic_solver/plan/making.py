@@ -203,7 +203,6 @@ def _velocities(scales: Scales, waves: Waves, velocity: VelocityScheme, schemes:
     if velocity == "hermite":
         return in_hermite.count(scales, waves)
     coarsest = strictest(in_v.spacings(scales, waves, schemes))
-    told = scales.scene.output
-    continued = scales.amplifies and scales.amplification > continuing.STRONG and not (told.nv or told.velocity_window)
+    continued = scales.amplifies and scales.amplification > continuing.STRONG
     points = max(LEAST_VELOCITIES if continued else in_v.LEAST_POINTS, math.ceil(width / coarsest.value))
     return Criterion(points, f"dv = {coarsest.value:.3g} resolves {coarsest.reason}")

@@ -43,6 +43,8 @@ EMPTY = 1e-9
 """Of the largest ∫F dv: where there is less, it may be rounding, and what f misses of the density is added, not multiplied."""
 TABLES = 8
 """Step lengths whose tables are kept. Frames at even times use one or two; at uneven times each brings its own."""
+LARGEST_EXPONENT = 500.0
+"""Of one piece of a tilt: the logarithm of the largest double is 709, and f itself needs some of that. Chosen."""
 GROWTHS = 2
 """Mean densities whose linear steps are kept: that of a chain, and that of the chain's link before, apart by rounding."""
 
@@ -190,15 +192,22 @@ class GridLinearisedStep:
 
     def _in_one_place(self, f: Array, h: float) -> Array:
         """Where nothing depends on x: exp(-Sρτv), the kernel over h, and exp(-Sρτv) again, each brought back to the same ρ, with
-        τ = tanh(γh/2)/γ as in operators/linear.py. Factors are taken as logarithms, for in a wide window they are no doubles."""
-        density = float(f.sum()) * self.grid.dv
-        tilt = self.cross_section * density * half_transport_time(self.model.friction, h) * self.grid.v
+        τ = tanh(γh/2)/γ as in operators/linear.py."""
+        tau = half_transport_time(self.model.friction, h)
         kernel_t = self._kernels.get(h, lambda h: np.ascontiguousarray(self.drift_diffusion.matrix(h).T))
-        tilted = _times_exp(_times_exp(f, -tilt) @ kernel_t, -tilt)
-        n = float(tilted.sum())
-        if not (np.isfinite(n) and n > 0):
-            raise LostAccuracy("f is not a distribution any more")
-        return np.asarray(tilted * (density / (n * self.grid.dv)))
+        tilt = self.cross_section * float(f.sum()) * self.grid.dv * tau
+        return self._tilted(self._tilted(f, tilt) @ kernel_t, tilt)
+
+    def _tilted(self, f: Array, tilt: float) -> Array:
+        """f exp(-tilt·v), brought back to the same ρ: about the mean velocity, and in pieces, none of which is too large."""
+        v, total = self.grid.v, float(f.sum())
+        pieces = 1 + int(abs(tilt) * (self.grid.high - self.grid.low) / LARGEST_EXPONENT)
+        for _ in range(pieces):
+            f = f * np.exp(-tilt / pieces * (v - float(f[0] @ v) / total))
+            if not (np.isfinite(n := float(f.sum())) and n > 0):
+                raise LostAccuracy("f is not a distribution any more")
+            f = f * (total / n)
+        return f
 
     def _growing_at(self, mean_density: float) -> LinearStep:
         growth = self.cross_section * mean_density
@@ -249,12 +258,6 @@ class GridLinearisedStep:
         outer = _shift(self.grid, a * self.grid.v)
         inner = _shift(self.grid, b * self.grid.v + rest)
         return _LocalTable(outer, inner, kernel_t)
-
-
-def _times_exp(f: Array, exponent: Array) -> Array:
-    """f exp(exponent) over its largest value."""
-    size = np.log(np.abs(f)) + exponent
-    return np.asarray(np.sign(f) * np.exp(size - size.max()))
 
 
 @dataclass(frozen=True)
