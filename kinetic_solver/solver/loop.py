@@ -134,8 +134,9 @@ class March:
                 self.within = self.now.clock < end
                 self._after_step(self)
         except (StepTooSmall, LostAccuracy) as error:
-            what = "nx" if isinstance(error, LostAccuracy) else adaptation.suspect(self.now)
-            text = f"{error}; raise accuracy.rtol, or refine grid.nx and grid.nv"
+            in_x = self.now.grid.nx > 1
+            what = "nx" if isinstance(error, LostAccuracy) and in_x else adaptation.suspect(self.now)
+            text = f"{error}; raise accuracy.rtol, or refine {'grid.nx and ' if in_x else ''}grid.nv"
             self._enlarge(Problem(what, 1.0, self._between(start, end), text))
 
     def _observe(self, taken: Step, start: float, end: float) -> Problem | Change | None:
