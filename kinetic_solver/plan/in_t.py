@@ -187,9 +187,9 @@ def _lawson_step(scales: Scales) -> float:
     if rate * lasting == 0:
         return math.inf
     coefficient, coupled, power = measured.LAWSON_COLLISIONS
-    turning = scales.scene.model.friction + coupled * rate
-    error = ERROR_SHARE[False] * scales.rtol / (coefficient * rate * math.sqrt(lasting) * turning**power)
-    return float(min(STABLE / (WHOLE_PARTS * rate * scales.tail), error ** (1 / (power + 0.5))))
+    turning = abs(scales.scene.model.friction) + coupled * rate
+    error = ERROR_SHARE[False] * scales.rtol / (coefficient * math.sqrt(rate * lasting) * math.sqrt(rate / turning))
+    return float(min(STABLE / (WHOLE_PARTS * rate * scales.tail), error ** (1 / (power + 0.5)) / turning))
 
 
 def _growing(scales: Scales, waves: Waves, h: float) -> int:
