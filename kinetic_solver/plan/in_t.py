@@ -193,8 +193,15 @@ def _lawson_step(scales: Scales) -> float:
 
 
 def _growing(scales: Scales, waves: Waves, h: float) -> int:
-    """Steps more, since error control begins with short ones, and at the most doubles them."""
-    return max(0, round(measured.STEPS_TO_A_DOUBLING * math.log2(h / first_step(scales, waves))))
+    """Steps more, since error control begins with short ones, and at the most doubles them; after a jump in the density they grow
+    with the time in which it has smoothed."""
+    first, rate = first_step(scales, waves), scales.collision_rate * memory_time(scales)
+    doublings = measured.STEPS_TO_A_DOUBLING * math.log2(h / first)
+    if scales.scene.initial.step is None or rate == 0:
+        return max(0, round(doublings))
+    earlier, coefficient = measured.AFTER_A_JUMP
+    share = (ERROR_SHARE[False] * scales.rtol / coefficient) ** (1 / 4) / math.sqrt(rate)
+    return max(0, round(doublings), round(math.log(earlier * scales.end / first) / math.log1p(share)))
 
 
 def _check_mixing(scales: Scales, waves: Waves) -> None:
