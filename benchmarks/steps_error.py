@@ -129,9 +129,8 @@ def main() -> int:
             found = np.array(values)
             inside = float(np.mean((found > wanted[0]) & (found < wanted[1])))
             quartiles = ", ".join(f"{value:.2g}" for value in np.quantile(found, (0.25, 0.5, 0.75)))
-            print(
-                f"\n{name}, {what}: at most {found.max():.2g}; quartiles {quartiles}; {inside:.0%} from {wanted[0]} to {wanted[1]}"
-            )
+            most, (low, high) = found.max(), wanted
+            print(f"\n{name}, {what}: at most {most:.2g}; quartiles {quartiles}; {inside:.0%} from {low} to {high}")
     return int(max(one.error for all_of in results.values() for one in all_of) > 1)
 
 

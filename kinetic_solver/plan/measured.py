@@ -65,8 +65,8 @@ number of steps is foretold within a factor of two in 94 % at rtol from 1e-3 to 
 benchmarks/random_scenes.py, seeds 0 to 43, and random_kinds.py; tests/convergence/test_costs.py."""
 AFTER_A_JUMP = (40.0, 0.02)
 """(n, A): of a density step under (12) error control begins with an nth of what it begins with otherwise, and goes on with steps
-that are a share s of the time so far, A (νT)² s⁴ what they may err by, T the time for which errors last. Measured on the steps, thin
-and vacuum scenes of benchmarks/random_kinds.py at rtol from 1e-3 to 1e-5: within a factor of two but for one of ten."""
+that are a share s of the time so far, A (νT)² s⁴ what they may err by, T the time for which errors last. Measured on the scenes
+with steps of benchmarks/random_kinds.py at rtol from 1e-3 to 1e-5: within a factor of two but for one of six."""
 LAWSON_SIGNS, EXPONENTIAL_SIGNS = Signs(1.2, 10.0, 0.75), Signs(0.2, 30.0, 0.25)
 """Of Lawson's method with pairs and of the exponential method (stepping/embedded.py). Powers and shares were chosen for the least
 scatter over 800 steps of 62 scenes of benchmarks/random_scenes.py and random_kinds.py, R* from 1e-3 to 13, and 350 of ten: by a
