@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from kinetic_solver.dataset import library
 from kinetic_solver.dataset.checkpoint import sync_folder
 from kinetic_solver.dataset.files import open_run
 from kinetic_solver.dataset.lock import one_writer
@@ -36,7 +37,7 @@ def compress(path: str | Path) -> None:
         if "status" in run and int(run["status"]) != FINISHED:
             raise SceneError(f"{path}: its run has not finished; allowed: to resume it first")
     part = path.with_name(path.name + ".part")
-    with one_writer(path), netCDF4.Dataset(path) as old:
+    with one_writer(path), library.calls(), netCDF4.Dataset(path) as old:
         if old.data_model == "NETCDF4":
             return
         try:

@@ -8,6 +8,7 @@ import struct
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from kinetic_solver.dataset import library
 from kinetic_solver.dataset.header import needed_bytes
 from kinetic_solver.dataset.schema import STOPPED
 from kinetic_solver.errors import OutputExistsError, OutputFailed, SceneError
@@ -39,7 +40,8 @@ def open_netcdf(path: str | Path, source: str | None = None) -> xr.Dataset:
         if not os.access(there, os.R_OK):
             raise SceneError(f"{where}: may not be read; allowed: a file with permission to read it")
         # What xarray makes of times by itself differs between its versions ("seconds" became durations in some).
-        return xr.open_dataset(there, engine="netcdf4", decode_times=False)
+        with library.OPENING:
+            return xr.open_dataset(there, engine="netcdf4", decode_times=False)
     except SceneError:
         raise
     except (OSError, ValueError, RuntimeError):
@@ -144,7 +146,8 @@ def append(path: str | Path, dataset: xr.Dataset) -> None:
     """Add variables and attributes to a file whose run has finished."""
     import netCDF4
 
-    with netCDF4.Dataset(path, "a") as out:
+    dataset.load()  # before, since reading takes the lock that is held below
+    with library.calls(), netCDF4.Dataset(path, "a") as out:
         for name, added in dataset.data_vars.items():
             values, dims = added.values, tuple(map(str, added.dims))
             for dimension, size in zip(dims, values.shape, strict=True):
@@ -164,6 +167,7 @@ def abandon(dataset: Any) -> None:
     ctypes.pythonapi.Py_IncRef(ctypes.py_object(dataset))
 
 
+@library.calls()
 def mark_as_stopped(path: Path, reason: str) -> None:
     """The file of a run that could not be written further says so, in the room that its header has; if it can."""
     import netCDF4
@@ -196,7 +200,8 @@ def write_dataset(dataset: xr.Dataset, path: str | Path, overwrite: bool = False
         # A dimension that grows is the first of every variable that has it: in a sweep it is not.
         over_time = [variable.dims for variable in dataset.variables.values() if "time" in variable.dims]
         growing = ["time"] if over_time and all(dims[0] == "time" for dims in over_time) else []
-        dataset.to_netcdf(part, format="NETCDF3_64BIT_DATA", engine="netcdf4", unlimited_dims=growing)  # type: ignore[call-overload]
+        with library.OPENING:
+            dataset.to_netcdf(part, format="NETCDF3_64BIT_DATA", engine="netcdf4", unlimited_dims=growing)  # type: ignore[call-overload]
         part.replace(path)
     except (OSError, RuntimeError) as error:
         raise OutputFailed(f"{path}: cannot be written ({getattr(error, 'strerror', None) or error})") from None

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from kinetic_solver.dataset import library
 from kinetic_solver.dataset.checkpoint import sync_folder
 from kinetic_solver.dataset.files import abandon, mark_as_stopped, refuse_existing
 from kinetic_solver.dataset.provenance import attributes
@@ -94,7 +95,9 @@ class NetCDFRecorder:
         self._size, self._synced = 0, -np.inf
         if after is not None:
             self._reopen(after)
+            self._sync()
 
+    @library.calls()
     def _reopen(self, after: float) -> None:
         import netCDF4
 
@@ -114,8 +117,8 @@ class NetCDFRecorder:
         self._file["status"][...] = RUNNING
         if "stopped" in self._file.ncattrs():
             self._file.delncattr("stopped")
-        self._sync()
 
+    @library.calls()
     def _create(self) -> None:
         import netCDF4
 
@@ -190,6 +193,7 @@ class NetCDFRecorder:
             sync_folder(self.path.parent)
             self._named = True
 
+    @library.calls()
     def _put(self) -> None:
         """What waits, in the library's hands."""
         for dimension, frames in self._waiting.items():
@@ -219,11 +223,14 @@ class NetCDFRecorder:
         try:
             if self._named:
                 self._put()
-                self._file.setncatts(last)
+                with library.calls():
+                    self._file.setncatts(last)
                 self._sync()
-                self._file["status"][...] = STOPPED if stopped else FINISHED
+                with library.calls():
+                    self._file["status"][...] = STOPPED if stopped else FINISHED
                 self._sync()
-            self._file.close()
+            with library.calls():
+                self._file.close()
         except (OSError, RuntimeError) as error:
             raise self._failed(error) from None
         self._file = None
@@ -244,7 +251,8 @@ class NetCDFRecorder:
         return OutputFailed(message)
 
     def _sync(self) -> None:
-        self._file.sync()
+        with library.calls():
+            self._file.sync()
         descriptor = os.open(self.path if self._named else self._part, os.O_RDONLY)
         try:
             os.fsync(descriptor)
