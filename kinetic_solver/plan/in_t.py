@@ -193,15 +193,19 @@ def _lawson_step(scales: Scales) -> float:
 
 
 def _growing(scales: Scales, waves: Waves, h: float) -> int:
-    """Steps more, since error control begins with short ones, and at the most doubles them; after a jump in the density they grow
-    with the time in which it has smoothed."""
-    first, rate = first_step(scales, waves), scales.collision_rate * memory_time(scales)
-    doublings = measured.STEPS_TO_A_DOUBLING * math.log2(h / first)
+    """Steps more, since error control begins with short ones, and at the most doubles them."""
+    doublings = measured.STEPS_TO_A_DOUBLING * math.log2(h / first_step(scales, waves))
+    return max(0, round(doublings), round(steps_after_a_jump(scales, waves)))
+
+
+def steps_after_a_jump(scales: Scales, waves: Waves) -> float:
+    """Of a run with pairs under error control, while a jump in the density smooths; 0 where there is none."""
+    rate = scales.collision_rate * memory_time(scales)
     if scales.scene.initial.step is None or rate == 0:
-        return max(0, round(doublings))
+        return 0.0
     earlier, coefficient = measured.AFTER_A_JUMP
     share = (ERROR_SHARE[False] * scales.rtol / coefficient) ** (1 / 4) / math.sqrt(rate)
-    return max(0, round(doublings), round(math.log(earlier * scales.end / first) / math.log1p(share)))
+    return math.log(earlier * max(1.0, scales.end / first_step(scales, waves))) / math.log1p(share)
 
 
 def _check_mixing(scales: Scales, waves: Waves) -> None:

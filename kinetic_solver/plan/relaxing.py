@@ -72,7 +72,8 @@ def exponential_steps(scales: Scales, waves: Waves) -> float:
     off = abs(math.log(float(scales.temperature.max()) / state.temperature))
     active = in_t.commutation_rate(scales, waves) * min(scales.end, ACTIVE / friction)
     early = max(1.0, 1e-3 / scales.rtol) ** BY_RTOL * max(1.0, active) ** BY_RATE
-    return max(len(scales.times) - 1.0, (STARTING + RELAXING * off) * early + LATER * friction * scales.end)
+    steps = (STARTING + RELAXING * off) * early + LATER * friction * scales.end
+    return max(len(scales.times) - 1.0, steps, in_t.steps_after_a_jump(scales, waves))
 
 
 def exponential_seconds(scales: Scales, waves: Waves, grid: PhaseSpaceGrid, shared: float = SHARED) -> float:
