@@ -17,7 +17,7 @@ from kinetic_solver.operators.velocity.kernel import resolution, resolved_spacin
 from kinetic_solver.plan import Plan, in_t, in_v, in_x, measured
 from kinetic_solver.rounding import rounded
 from kinetic_solver.scene import Model
-from kinetic_solver.solver.cut_off import CutOff, cut_off
+from kinetic_solver.solver.cut_off import CutOff, cut_off, of_what_stays
 from kinetic_solver.solver.kernel_error import Spectrum, kernel_error, spectrum_of
 from kinetic_solver.solver.observation import Observation
 from kinetic_solver.solver.regrid import resize
@@ -46,7 +46,8 @@ class ErrorEstimate:
       difference that twice the points make to the collision rate, times how long it acts; with finite volumes their rule; in
       Hermite functions the last coefficients.
     - rounding: by how much (6) may amplify it where f spans so many decades that it is stepped in the local gauge.
-    - window: f at its edges, amplified as (6) does until the end, or what is left of that which they cut off the start.
+    - window: f at its edges, amplified as (6) does until the end, or what is left of that which they cut off the start; and what
+      exact steps of (6) keep within it.
 
     Held against true errors in tests/convergence/test_estimate.py.
     """
@@ -76,7 +77,7 @@ class ErrorEstimate:
         now = {
             "error_x": _of_x(seen, diagnostics, self._lost * seen.plan.scales.rho_max / float(seen.moments.density.max())),
             "error_v": _of_v(seen) + (0.0 if self._start is None else kernel_error(seen, self._start)),
-            "error_window": self._of_window(seen, diagnostics),
+            "error_window": self._of_window(seen, diagnostics) + of_what_stays(seen),
             "error_rounding": _of_rounding(seen),
         }
         self._parts = {name: max(self._parts[name], now.get(name, 0.0)) for name in PARTS}

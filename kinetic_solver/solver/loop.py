@@ -188,15 +188,20 @@ class March:
     def _smaller(self) -> Change | None:
         """Asked within an interval, of a state that was judged good. Exact steps build on their chain, not on what is seen: they
         go back to the interval's start, and are carried over only once the chain has begun."""
-        if self.scheme.exact:
+        fitting: tuple[Observation, ...]
+        if isinstance(self.scheme.stepper, ExactSteps):
             if not self.memory.begun:
                 return None
             self.looks += 1
             if self.looks % CHECK_EVERY != 1:
                 return None
+            # From the link before the last one, too, later times are reached: it must fit on the smaller grid.
+            before = self.memory.links[1]
+            fitting = (self.now, Observation.of(self.scheme, before.time, self.scheme.stepper.exact.lower(before.lifted)))
         else:
             self.good = self._good()
-        smaller = adaptation.shrunk(self.now, self.history)
+            fitting = (self.now,)
+        smaller = adaptation.shrunk(fitting, self.history)
         if smaller is not None:
             self.good = self._good()
         return smaller
