@@ -73,8 +73,9 @@ def of_what_stays(seen: Observation) -> float:
     if seen.clock <= farthest:  # the step began with the start
         means, temperatures = plan.scales.mean_velocity.ravel(), plan.scales.temperature.ravel()
         begun += [(float(means[at]), float(temperatures[at])) for at in (means.argmax(), temperatures.argmin())]
-    return ALL_OF_IT * max(
+    found = (
         stays_slow(model, growth, window, min(seen.clock, farthest), mean, temperature) * max(1.0, hottest / temperature) ** 0.5
         for mean, temperature in begun
-        if temperature > 0
+        if temperature > 0  # where f is thin it may be less
     )
+    return ALL_OF_IT * max(found, default=0.0)

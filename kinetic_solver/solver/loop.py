@@ -169,8 +169,8 @@ class March:
         if judgement.problem is not None:
             return judgement.problem
         self.diagnostics, self.judged = judgement.diagnostics, True
-        if self.scheme.exact:
-            self.estimate.parts(seen, self.diagnostics)  # links are the same whatever the frames
+        if self.scheme.exact:  # links are the same whatever the frames
+            self.diagnostics = {**self.diagnostics, **self.estimate.parts(seen, self.diagnostics)}
         return self._smaller() if clock < end else None
 
     def _stalled(self, found: Stalled) -> Problem | None:
@@ -277,8 +277,9 @@ class March:
     # -- what the run says
 
     def _write(self, frame: int, shown: np.ndarray | None = None) -> None:
-        parts = self.estimate.parts(self.now, self.diagnostics)
-        self.writer.write(frame, self.now, {**self.diagnostics, **parts}, shown)
+        if frame == 0 or not self.scheme.exact:
+            self.diagnostics = {**self.diagnostics, **self.estimate.parts(self.now, self.diagnostics)}
+        self.writer.write(frame, self.now, self.diagnostics, shown)
         self.frame = frame
         if frame + 1 < len(self.scheme.plan.times):
             self._after_step(self)
