@@ -69,10 +69,13 @@ def of_what_stays(seen: Observation) -> float:
     farthest = steps.spacing + steps.aside  # a frame shortly after a link is reached from the one before
     growth, window = plan.scales.cross_section * float(m.density.max()), (seen.grid.low, seen.grid.high)
     hottest = float(m.temperature.max())
-    begun = [(float(m.mean_velocity[at]), float(m.temperature[at])) for at in (m.mean_velocity.argmax(), m.temperature.argmax())]
     if seen.clock <= farthest:  # the step began with the start
         means, temperatures = plan.scales.mean_velocity.ravel(), plan.scales.temperature.ravel()
-        begun += [(float(means[at]), float(temperatures[at])) for at in (means.argmax(), temperatures.argmin())]
+        places = {int(means.argmax()), int(temperatures.argmax()), int(temperatures.argmin())}
+    else:
+        means, temperatures = m.mean_velocity, m.temperature
+        places = {int(means.argmax()), int(temperatures.argmax())}
+    begun = [(float(means[at]), float(temperatures[at])) for at in places]
     found = (
         stays_slow(model, growth, window, min(seen.clock, farthest), mean, temperature) * max(1.0, hottest / temperature) ** 0.5
         for mean, temperature in begun
