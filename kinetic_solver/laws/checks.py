@@ -10,13 +10,11 @@ import numpy as np
 
 from kinetic_solver.arrays import Array
 from kinetic_solver.errors import SceneError
-from kinetic_solver.laws.law import CollisionLaw, PairLaw
+from kinetic_solver.laws.law import RELATIVE_VELOCITIES, CollisionLaw, PairLaw
 
 QUANTITIES = ("mass", "momentum", "energy")
 ROUND_OFF = 1e-10
 """Of ∫|φC| dv, that ∫φC dv may be where a law conserves ∫φf dv, however fine rtol: sums of a few hundred rounded numbers."""
-RELATIVE_VELOCITIES = np.linspace(0.05, 12.0, 240)
-"""Of a thermal one, at which the outcome of a pair is looked at."""
 
 
 def check_given(law: object) -> None:

@@ -17,6 +17,9 @@ PROBE_POINTS = 96
 PROBE_WAVES = (1, 3, 7)
 """Waves in v, over the whole window of 12 thermal velocities, that it is asked about."""
 
+RELATIVE_VELOCITIES = np.linspace(0.05, 12.0, 240)
+"""Of a thermal one, at which the outcome of a pair is looked at."""
+
 
 class CollisionLaw:
     """A collision operator C[f], local in x: the record of what it does. Subclass it, give `rate`, say what it conserves.
@@ -63,6 +66,12 @@ class CollisionLaw:
         """The share of the energy of relative motion that a collision takes: by what collisions forget. 0 says nothing."""
         return 0.0
 
+    def slows(self, temperature: float) -> float:
+        """By how much a pair of thermal particles is slower together after a collision, over their relative velocity: 1 of (6), 0
+        where momentum is conserved, negative where pairs become faster. Such a law amplifies as (6) does, by that share: what is
+        slower than the mean, or of a negative share what is faster. 0 also of a law that says nothing of pairs."""
+        return 0.0
+
     def frequency(self, density: float, temperature: float) -> float:
         """Collisions per particle and time of thermal particles, 1/time: bounds the steps in time.
 
@@ -107,6 +116,14 @@ class PairLaw(CollisionLaw):
     def places(self, r: Array) -> tuple[Array, Array]:
         """`after` for many relative velocities."""
         return outcomes(type(self).after, self.numbers, r)
+
+    def slows(self, temperature: float) -> float:
+        """The share farthest from 0 among relative velocities up to 12√θ."""
+        if "momentum" in self.conserves:
+            return 0.0
+        r = math.sqrt(temperature) * RELATIVE_VELOCITIES
+        shares = (r - np.sum(self.places(r), axis=0)) / r
+        return float(shares[np.abs(shares).argmax()])
 
     def frequency(self, density: float, temperature: float) -> float:
         """Sρ√θ."""

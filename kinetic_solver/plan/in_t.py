@@ -26,7 +26,8 @@ FARTHEST = (4.0, 2.0)
 """Of an exact step, in mean times between thermal collisions and in relaxation times. Chosen: within a step are states on which
 friction has not yet acted, and collisions then move them by a few √θ at most."""
 ERROR_SHARE = {True: 0.3, False: 1.4}
-"""Of rtol, to the estimated errors of all steps together, with (6) and with (12). Chosen: with (12) estimates are twice the error
+"""Of rtol, to the estimated errors of all steps together, with (6) and with (12); by a law of one's own that amplifies it is
+divided by `amplified_error`. Chosen: with (12) estimates are twice the error
 or more, and a step is rarely as long as it may be: what they add up to is 0.8 rtol at most in benchmarks/steps_error.py, and the
 error 0.4 rtol; the rest is the grid's."""
 MEMORY_TIME = 5.0
@@ -100,12 +101,13 @@ def strang_coefficient(scales: Scales) -> float:
 
 
 def amplified_error(scales: Scales, clock: float = 0.0) -> float:
-    """By how much the errors of steps grow with (6) from then until the end of the run."""
-    if not scales.amplifies:
+    """By how much the errors of steps grow with (6), or a law that amplifies likewise, from then until the end of the run."""
+    rate = measured.AMPLIFIED if scales.amplifies else measured.AMPLIFIED_BY_PAIRS * abs(scales.slows)
+    if rate == 0:
         return 1.0
     model, left = scales.scene.model, max(0.0, scales.end - clock)
     share = transition(model, left).drift_time / transition(model, scales.end).drift_time
-    return grown(measured.AMPLIFIED * scales.amplification * share)
+    return grown(rate * scales.amplification * share)
 
 
 def grown(exponent: float) -> float:
@@ -133,10 +135,11 @@ def first_step(scales: Scales, waves: Waves) -> float:
 
 def memory_time(scales: Scales) -> float:
     """How long errors last, at most the run: where friction and noise act on pairs, until these and inelastic collisions at the
-    mean density have forgotten them; else a few relaxation times. By the frame's clock."""
+    mean density have forgotten them, unless pairs slow down and amplify them; else a few relaxation times. By the frame's
+    clock."""
     model, law = scales.scene.model, scales.law
     rate = scales.forgetting / MEMORY_TIME
-    if scales.of_pairs and model.friction * model.noise > 0:
+    if scales.of_pairs and not scales.slows and model.friction * model.noise > 0:
         assert law is not None
         rate = model.friction + law.frequency(float(scales.density.mean()), scales.hottest) * law.dissipation
     return min(scales.end, 1 / rate if rate > 0 else math.inf)
@@ -237,7 +240,7 @@ def error_share(scales: Scales) -> float:
     """Of rtol, to the local errors of all steps together: less where (6) amplifies them later."""
     if scales.amplifies:
         return ERROR_SHARE[True] * math.exp(-measured.AMPLIFIED * scales.amplification)
-    return ERROR_SHARE[False]
+    return ERROR_SHARE[False] / amplified_error(scales)
 
 
 def budget_pieces(scales: Scales, waves: Waves) -> Array:

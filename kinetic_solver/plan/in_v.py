@@ -189,8 +189,8 @@ def finite_volumes_for_weak_noise(scales: Scales) -> float:
 
 
 def tail_weight(scales: Scales) -> float:
-    """By how much the finite volumes' error grows with what (6) amplifies."""
-    r = scales.amplification if scales.amplifies else 1.0
+    """By how much the finite volumes' error grows with what (6), or a law that slows pairs down, amplifies."""
+    r = scales.amplification if scales.amplifies else abs(scales.slows) * scales.amplification if scales.slows else 1.0
     strong, exponent = measured.STRONG_AMPLIFICATION
     return (1 + r**2 + r**3) * in_t.grown(exponent * max(0.0, r - strong))
 
@@ -213,6 +213,9 @@ def _drift_diffusion(scales: Scales, waves: Waves, schemes: Schemes) -> list[Cri
         weak = schemes.stepping == "exact" and scales.scene.grid.drift_diffusion is None
         dv = finite_volumes_for_weak_noise(scales) if weak else finite_volumes(scales, name)
         return [Criterion(dv, f"the finite volumes' error of order {measured.FINITE_VOLUME_ERROR[name][1]}")]
+    if schemes.stepping == "extrapolated" and scales.slows:
+        # Its steps are shorter than the kernel needs: finite volumes take over in all of them (solver/representation.py).
+        return [Criterion(finite_volumes(scales, "finite-volume-8"), "the finite volumes' error of order 8")]
     if schemes.stepping == "extrapolated" and scales.amplifies:
         # Finite volumes of order 8 take over in steps too short for the kernel, and some of an extrapolated step always are.
         factor, reference, power = measured.EXTRAPOLATED_STRANG_STEP

@@ -184,6 +184,11 @@ class Scales:
         (docs/theory_details.md)."""
         return self.collision_rate * self.whole.drift_time
 
+    @functools.cached_property
+    def slows(self) -> float:
+        """The share of (6)'s amplification that a law of one's own has (`CollisionLaw.slows`)."""
+        return 0.0 if self.law is None or self.amplifies else self.law.slows(self.theta_max)
+
     @property
     def slowing(self) -> float:
         """R_t√θ, by which (6) moves the hottest Gaussian of the start, at the most."""

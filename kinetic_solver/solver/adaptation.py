@@ -100,12 +100,12 @@ def enlarged(plan: Plan, problem: Problem, history: History, exact: bool) -> Cha
 
 def shrunk(fitting: tuple[Observation, ...], history: History) -> Change | None:
     """A grid that would still hold f, and what else is to fit on it, where it is worth going over to it. `fitting` is that, the
-    present first. What was once too small is not made smaller."""
+    present first. What was once too small is not made smaller, nor the grid of a law that slows pairs down: its tail matters."""
     seen = fitting[0]
     plan, grid, rtol, f = seen.plan, seen.grid, seen.plan.inner.accuracy.rtol, seen.f
     left = float(plan.times[-1]) - seen.clock
     length = plan.time_step if seen.scheme.exact and plan.time_step is not None else seen.length
-    if left / length < LEFT or folds(plan) or plan.scales.cooling or plan.stepping == "homogeneous":
+    if left / length < LEFT or folds(plan) or plan.scales.cooling or plan.scales.slows or plan.stepping == "homogeneous":
         return None
     tried = {what for what, _ in history.tried}
     new = grid

@@ -12,7 +12,7 @@ import numpy as np
 
 from kinetic_solver.arrays import Array
 from kinetic_solver.errors import SolverStopped
-from kinetic_solver.laws import FollowTheLeader
+from kinetic_solver.laws import FollowTheLeader, PairLaw
 from kinetic_solver.plan import Plan, in_v
 from kinetic_solver.solver.estimate import last_functions, rate_error, shortest_of
 from kinetic_solver.solver.observation import Observation
@@ -114,10 +114,11 @@ class Monitor:
         top = float(f.max())
         if not top > 0:
             raise SolverStopped(f"{_when(seen)}: f has no positive value left; {_shorter_steps(seen)}")
+        fastens = seen.plan.scales.slows < 0
         values = {
             "minimum_of_f": float(f.min()) / top,
             "edge_error_low": float(amplified(seen, slice(1))[0]) / top,
-            "edge_error_high": float(np.abs(f[:, -1]).max()) / top,
+            "edge_error_high": float((amplified(seen, slice(-1, None)) if fastens else np.abs(f[:, -1])).max()) / top,
             "velocity_curvature": float(np.abs(np.diff(f, n=2, axis=1)).max()) / top if grid.nv > 2 else 0.0,
             "spectral_tail": spectral_tail(seen),
             "density_defect": seen.scheme.density_defect,
@@ -236,13 +237,17 @@ def amplified_waves(seen: Observation) -> Array:
 
 
 def _exponents(seen: Observation, velocities: slice = slice(None)) -> Array:
-    """R w - R²θ/2 where positive, w = u - v, R = Sρ(1 - e^(-γt))/γ, t the time that is left; (nx, velocities) or (1, 1)."""
+    """R w - R²θ/2 where positive, w = u - v, R = Sρ(1 - e^(-γt))/γ, t the time that is left; (nx, velocities) or (1, 1).
+
+    For a law of one's own that slows pairs down R is taken times that share: negative where pairs become faster, then it is the
+    fast tail that grows."""
     scene, law = seen.plan.inner, seen.plan.law
-    if not isinstance(law, FollowTheLeader) or seen.side:
+    share = 1.0 if isinstance(law, FollowTheLeader) else seen.plan.scales.slows
+    if not isinstance(law, PairLaw) or share == 0 or seen.side:
         return np.zeros((1, 1))
     m = seen.moments
     left = max(0.0, scene.run.end_time - seen.clock)
-    gain = law.cross_section * m.density * transition(scene.model, left).drift_time
+    gain = share * law.cross_section * m.density * transition(scene.model, left).drift_time
     exponent = gain[:, None] * (m.mean_velocity[:, None] - seen.grid.v[velocities]) - (gain**2 * m.temperature / 2)[:, None]
     return np.where(exponent > 0, exponent, 0.0)  # 0 where there is no density: it has no mean velocity
 

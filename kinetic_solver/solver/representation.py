@@ -166,8 +166,9 @@ class VelocityPoints:
             return FiniteVolume(grid, model)
         if self.plan.drift_diffusion == "finite-volume-8":
             return HighOrderFiniteVolume(grid, model)
-        # Operator (6) amplifies errors in the slow tail: there a step too short for the kernel must stay accurate relative to f.
-        amplified = self.plan.scales.amplifies and model.friction * model.noise > 0
+        # Operator (6), and a law that slows pairs down, amplify errors in the tail: there a step too short for the kernel must
+        # stay accurate relative to f.
+        amplified = (self.plan.scales.amplifies or self.plan.scales.slows) and model.friction * model.noise > 0
         return OrnsteinUhlenbeckKernel(grid, model, HighOrderFiniteVolume(grid, model) if amplified else None)
 
 

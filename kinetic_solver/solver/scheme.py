@@ -107,9 +107,9 @@ def make_stepper(plan: Plan, representation: Representation) -> Stepper:
 
 
 def adding(plan: Plan) -> float:
-    """ADDING where pairs, friction and noise forget errors; else 1: what a cooling gas keeps has one sign."""
+    """ADDING where pairs, friction and noise forget errors; else 1: what a cooling gas keeps, or is amplified, has one sign."""
     model = plan.inner.model
-    return ADDING if plan.scales.of_pairs and model.friction > 0 and model.noise > 0 else 1.0
+    return ADDING if plan.scales.of_pairs and not plan.scales.slows and model.friction > 0 and model.noise > 0 else 1.0
 
 
 def _exact_steps(plan: Plan, representation: Representation, longest: float) -> Stepper:

@@ -152,6 +152,74 @@ def test_operator_12_through_the_public_door(make_scene: MakeScene) -> None:
     assert float(found["energy"][-1]) == pytest.approx(float(fine["energy"][-1]), rel=1e-4)
 
 
+@dataclass(frozen=True)
+class Six(PairLaw):
+    """Operator (6) written anew."""
+
+    cross_section: float
+    conserves = ("mass",)
+
+    @staticmethod
+    def after(r: float, *numbers: float) -> tuple[float, float]:
+        return 0.0, 0.0
+
+
+class SixBackwards(Six):
+    """The slower particle takes the velocity of the faster one."""
+
+    @staticmethod
+    def after(r: float, *numbers: float) -> tuple[float, float]:
+        return r, r
+
+
+AMPLIFIED_SCENE = {
+    "model": {"gravity": 0.6, "friction": 0.7, "noise": 1.3},
+    "pipe": {"length": 6.0},
+    "initial": {"density": 1.2, "modes": [{"mode": 1, "cos": 0.5}], "mean_velocity": 0.4, "temperature": 0.9},
+    "run": {"end_time": 2.0, "output_every": 0.5},
+}
+FREE = {"gravity": 0.6, "friction": 0.0, "noise": 0.0}
+
+
+@pytest.mark.parametrize(
+    ("cross_section", "rtol", "changes"),
+    [
+        (3.0, 1e-2, {}),
+        (3.0, 1e-3, {}),
+        (3.0, 1e-4, {}),
+        (1.8, 1e-5, {}),
+        (3.0, 1e-5, {"model": FREE, "run": {"end_time": 0.8}}),
+        (3.0, 1e-4, {"initial": {"density": 1.2, "mean_velocity": 0.4, "temperature": 0.9}}),
+    ],
+)
+def test_operator_6_through_the_public_door(cross_section: float, rtol: float, changes: dict[str, Any]) -> None:
+    """Such a law amplifies what is in the slow tail, by exp(22) at S = 3: the run knows it by the law's record, and meets rtol;
+    its estimate is no less than half of the error."""
+    scene = Scene.model_validate({**AMPLIFIED_SCENE, "accuracy": {"rtol": rtol}, **changes})
+    run = solve(scene, operator=Six(cross_section))
+    known = scene.replace(collisions={"operator": "follow-the-leader", "cross_section": cross_section})
+    truth = exact.solve(known, x=run["x"].values, v=run["v"].values)["f"]
+    error = float(abs(run["f"].values - truth.values).max() / truth.max())
+    assert error < rtol
+    assert error / 2 < float(run["error_estimate"][-1]) < rtol
+
+
+def test_pairs_that_become_faster_amplify_the_fast_tail() -> None:
+    """The mirror image, velocity by velocity: of a law that slows pairs down."""
+    scene = Scene.model_validate({**AMPLIFIED_SCENE, "accuracy": {"rtol": 1e-3}})
+    mirrored = scene.replace(**{"model.gravity": -0.6, "initial.mean_velocity": -0.4})
+    run, mirror = solve(scene, operator=Six(3.0)), solve(mirrored, operator=SixBackwards(3.0))
+    assert mirror["v"].values == pytest.approx(-run["v"].values[::-1], abs=1e-12)
+    density = mirror["density"].values[:, -np.arange(run.sizes["x"])]
+    assert abs(density - run["density"].values).max() < 1e-9 * density.max()
+
+
+def test_the_record_says_by_how_much_pairs_slow_down(page: dict[str, Any]) -> None:
+    for law, share in ((Six(2.0), 1.0), (SixBackwards(2.0), -1.0), (Twelve(2.0, 0.6), 0.0), (page["BGK"](2.0), 0.0)):
+        assert law.slows(1.7) == share
+    assert Outside(1.0).slows(0.6) == pytest.approx(0.75)
+
+
 @pytest.mark.parametrize("method", ["grid", "particles"])
 def test_a_run_goes_on_with_its_own_law_only(make_scene: MakeScene, tmp_path: Path, method: str) -> None:
     """Name and parameters are compared, of a run that was stopped and of one that has ended."""
