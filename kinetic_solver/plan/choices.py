@@ -9,6 +9,8 @@ import math
 import warnings
 from collections.abc import Callable
 
+import numpy as np
+
 from kinetic_solver import initial
 from kinetic_solver.errors import SceneError
 from kinetic_solver.grid import PhaseSpaceGrid
@@ -27,6 +29,8 @@ WORTH_MOVING = 1.5
 """How many times narrower a moving frame must make the window: frames are interpolated then. Chosen."""
 FINITE_VOLUMES_COARSER = 4.0
 """How many times the dv of the kernel finite volumes of order 8 must allow, to take its place. Chosen: they are less accurate."""
+FINER_WHEN_EARLY = 3
+"""How many times denser points a frame needs at least that comes before the first exact step of the kernel."""
 JUMP_IN_THE_LOCAL_GAUGE = 1e-4
 """rtol of f at most, where (6) steps a jump in the local gauge: on fewer points its first, unresolved moments spoil the budgets.
 Chosen: R* = 4."""
@@ -160,7 +164,11 @@ def drift_diffusion(scales: Scales, waves: Waves) -> DriftDiffusionScheme:
         longest = in_t.farthest_exact_step(scales)
         kernel = in_v.exact_step_spacing(scales, waves, longest)
         needed = strictest(in_v.spacings(scales, waves, in_v.Schemes("exact", "finite-volume-8", None, longest))).value
-        if needed > kernel and in_v.for_weak_noise(scales, waves, longest) > FINITE_VOLUMES_COARSER * kernel:
+        # A frame within the first step is found on finer points (solver/scheme.py), if dv is that of the kernel.
+        early = float(np.mean(scales.times[1:] < longest * (1 - 1e-9)))
+        dearer = math.sqrt(1 + (FINER_WHEN_EARLY**2 - 1) * early)
+        coarser = in_v.for_weak_noise(scales, waves, longest) / kernel
+        if needed > kernel and coarser * dearer > FINITE_VOLUMES_COARSER:
             return "finite-volume-8"
     return given or "kernel"
 

@@ -1,9 +1,10 @@
 """How fine dv must be for finite volumes in v (operators/velocity/finite_volume.py).
 
-The rule of measured.py is for waves as long as √σ. A wave exp(iqv) they damp too slowly or too fast, by the relative error
-c(q dv)^p of σγq² at order p: in a time t it errs by c(q dv)^p times σγq²t, until noise has damped it away. A Gaussian of variance θ
-that free motion has given the wave κ has E|κ + z/√θ|^(p+2) in the place of q^(p+2), z normal: so a cold start asks for points as
-fine as it, a sheared one for those that its waves ask for. Noise has done with both after 1/(p/θ + κ²) of its own time σγt.
+The rule of measured.py is for Gaussians of variance σ. At order p finite volumes damp a wave exp(iqv) by σγq², but for a share
+c(q dv)^p of that: within t the wave errs by c(q dv)^p σγq²t, until noise has damped it away. For a Gaussian of variance θ to which
+free motion has given the wave κ it is E(κ + z/√θ)^(p+2), z normal, in the place of q^(p+2). So a cold start asks for points as
+fine as it is, and waves along x for points as fine as what they turn into. Both are over once σγt comes to 1/(p/θ + κ²).
+Test: tests/convergence/test_finite_volumes.py.
 """
 
 from __future__ import annotations
@@ -48,7 +49,7 @@ def finer(scales: Scales, waves: Waves, order: int, step: float | None) -> float
     model = scales.scene.model
     h = min(step or scales.end, scales.end)
     k, digits = waves.in_play
-    amplitude = scales.rtol / DROPPED * np.exp(digits)
+    amplitude = scales.rtol / DROPPED * np.exp(digits) * np.where(k > 0, 2.0, 1.0)
     acting = model.noise * model.friction * scales.end
     usual = math.prod(range(1, order + 2, 2)) * model.noise ** -(order / 2 + 1) * min(acting, model.noise / order)
     worst = 0.0

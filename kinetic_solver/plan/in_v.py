@@ -201,7 +201,11 @@ def _drift_diffusion(scales: Scales, waves: Waves, schemes: Schemes) -> list[Cri
     if schemes.stepping == "strang":
         # Finite volumes of order 8 take over where dv is too coarse for the kernel: no need to be finer than they ask.
         shortest = in_t.shortest_step_that_fills(scales, float(h or np.diff(scales.times).min()))
-        return [Criterion(max(resolved_spacing(model, shortest), in_finite_volumes.spacing(scales, waves, "finite-volume-8", h)), reason)]
+        return [
+            Criterion(
+                max(resolved_spacing(model, shortest), in_finite_volumes.spacing(scales, waves, "finite-volume-8", h)), reason
+            )
+        ]
     return []
 
 

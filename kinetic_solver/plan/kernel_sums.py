@@ -87,6 +87,11 @@ def error(scales: Scales, waves: Waves, dv: float, begun: Array, h: float) -> fl
     return 2 * scales.rtol / DROPPED * math.exp(found)
 
 
+def good(scales: Scales, waves: Waves, dv: float, begun: Array, h: float) -> bool:
+    """Whether points of this spacing do for a step h."""
+    return error(scales, waves, dv, begun, h) <= scales.rtol / SHARE * (1 + 1e-9)
+
+
 def before_kernels(scales: Scales, waves: Waves, k: Array, begun: Array, h: float) -> Iterator[Sums]:
     """Of waves k of the coldest and of the hottest Gaussian of the start."""
     model = scales.scene.model

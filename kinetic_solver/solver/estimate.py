@@ -14,7 +14,7 @@ from kinetic_solver.operators.collisions import POINTS, RefinableRate
 from kinetic_solver.operators.fourier import relative_amplitudes
 from kinetic_solver.operators.velocity import OrnsteinUhlenbeckKernel
 from kinetic_solver.operators.velocity.kernel import resolution, resolved_spacing
-from kinetic_solver.plan import Plan, in_finite_volumes, in_t, in_x, measured
+from kinetic_solver.plan import Plan, in_t, in_x, measured
 from kinetic_solver.rounding import rounded
 from kinetic_solver.scene import Model
 from kinetic_solver.solver.cut_off import CutOff, cut_off, of_what_stays
@@ -153,9 +153,8 @@ def _of_v(seen: Observation) -> float:
     error = waves_in_v(seen)
     if plan.drift_diffusion != "kernel":
         order = measured.FINITE_VOLUME_ERROR[plan.drift_diffusion][1]
-        spacing = in_finite_volumes.spacing(plan.scales, plan.waves, plan.drift_diffusion, plan.time_step)
         planned = measured.RULE_SHARE * plan.inner.accuracy.rtol
-        error += planned * (seen.grid.dv / spacing) ** order
+        error += planned * (seen.grid.dv / plan.finite_volume_spacing) ** order
     error += rate_error(seen, seen.clock)
     return error
 

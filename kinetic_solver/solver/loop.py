@@ -96,7 +96,8 @@ class March:
             # The start is known on the output's grid. A step in the density is shown as it is, not as the solver can carry it.
             others = dataclasses.replace(plan.whole, nx=plan.grid.nx) != plan.grid
             known = others or plan.reference_frame.moving or plan.scene.initial.step is not None
-            self._write(0, start_shown(plan) if known else None)
+            f_known = known or (plan.output != plan.grid and plan.start.closed_form)
+            self._write(0, start_shown(plan) if f_known else None, moments_too=known)
         for frame, (start, end) in enumerate(itertools.pairwise(self.scheme.plan.times.tolist()), 1):
             if frame > self.frame:
                 for then in self._stops(start, end):
@@ -271,9 +272,9 @@ class March:
 
     # -- what the run says
 
-    def _write(self, frame: int, shown: np.ndarray | None = None) -> None:
+    def _write(self, frame: int, shown: np.ndarray | None = None, moments_too: bool = True) -> None:
         parts = self.estimate.parts(self.now, self.diagnostics)
-        self.writer.write(frame, self.now, {**self.diagnostics, **parts}, shown)
+        self.writer.write(frame, self.now, {**self.diagnostics, **parts}, shown, moments_too)
         self.frame = frame
         if frame + 1 < len(self.scheme.plan.times):
             self._after_step(self)
