@@ -1,14 +1,15 @@
 """How fine dv must be for finite volumes in v (operators/velocity/finite_volume.py).
 
 The rule of measured.py is for Gaussians of variance σ. At order p finite volumes damp a wave exp(iqv) by σγq², but for a share
-c(q dv)^p of that: within t the wave errs by c(q dv)^p σγq²t, until noise has damped it away. For a Gaussian of variance θ to which
-free motion has given the wave κ it is E(κ + z/√θ)^(p+2), z normal, in the place of q^(p+2). So a cold start asks for points as
-fine as it is, and waves along x for points as fine as what they turn into. Both are over once σγt comes to 1/(p/θ + κ²).
-Test: tests/convergence/test_finite_volumes.py.
+c(q dv)^p of that: within t the wave errs by c(q dv)^p σγq²t, until noise has damped it away. A Gaussian of variance θ to which
+free motion has given the wave κ has E(κ + z/√θ)^(p+2), z normal, in the place of q^(p+2). So a cold start asks for points as fine
+as it is, and waves along x for points as fine as what they turn into. Both are over once σγt comes to 1/(p/θ + κ²).
+Test: tests/convergence/test_weak_friction.py.
 """
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -53,7 +54,7 @@ def finer(scales: Scales, waves: Waves, order: int, step: float | None) -> float
     acting = model.noise * model.friction * scales.end
     usual = math.prod(range(1, order + 2, 2)) * model.noise ** -(order / 2 + 1) * min(acting, model.noise / order)
     worst = 0.0
-    for sums in kernel_sums.before_kernels(scales, waves, k, kernel_sums.links(scales, h), h):
+    for sums in itertools.chain(*kernel_sums.before_kernels(scales, waves, k, kernel_sums.links(scales, h), h)):
         lasting = np.minimum(acting, 1 / (order / sums.broad + sums.wave**2))
         error = amplitude * np.exp(-sums.lost) * _moment(sums.wave * np.sqrt(sums.broad), order + 2)
         worst = max(worst, float((error * sums.broad ** -(order / 2 + 1) * lasting).max()))

@@ -13,12 +13,13 @@ later begins with the waves exp(-ikCv/θ) into which free motion has turned the 
 covariance with the displacement. What a step makes so, the kernel of the next one takes away: steps do not add up.
 
 The error is relative to the Gaussian of the homogeneous part everywhere: (6) does not amplify it in the slow tail.
-The local gauge (operators/linearised/grid.py) has two kernels of half a step, of which the second counts.
+In the local gauge (operators/linearised/grid.py) there are two kernels of half a step.
 Tests: tests/convergence/test_kernel_sums.py.
 """
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -69,9 +70,9 @@ def links(scales: Scales, h: float) -> Array:
 def largest_spacing(scales: Scales, waves: Waves, begun: Array, h: float) -> float:
     """The largest dv of which a step h is that accurate, whenever it begins."""
     k, digits = _thinned(waves)
-    most = 0.0
-    for sums in before_kernels(scales, waves, k, begun, h):
-        room = 2 * np.maximum(0.0, digits + math.log(2 * SHARE / DROPPED) - sums.lost)
+    most, kernels = 0.0, 2 if waves.local_gauge else 1
+    for sums in itertools.chain(*before_kernels(scales, waves, k, begun, h)):
+        room = 2 * np.maximum(0.0, digits + math.log(2 * SHARE * kernels / DROPPED) - sums.lost)
         needed = np.where(room > 0, sums.wave + np.sqrt(room / sums.variance), 0.0)
         most = max(most, float(needed.max()))
     return 2 * math.pi / most if most > 0 else math.inf
@@ -80,11 +81,14 @@ def largest_spacing(scales: Scales, waves: Waves, begun: Array, h: float) -> flo
 def error(scales: Scales, waves: Waves, dv: float, begun: Array, h: float) -> float:
     """Of f over max f, that points of this spacing make of a step h: of the worst wave, and of the step that begins worst."""
     k, digits = _thinned(waves)
-    found = -math.inf
-    for sums in before_kernels(scales, waves, k, begun, h):
-        apart = np.maximum(0.0, 2 * math.pi / dv - sums.wave)
-        found = max(found, float((digits - sums.lost - sums.variance * apart**2 / 2).max()))
-    return 2 * scales.rtol / DROPPED * math.exp(found)
+    found = 0.0
+    for kernels in before_kernels(scales, waves, k, begun, h):
+        left = np.zeros((begun.size, k.size))
+        for sums in kernels:
+            apart = np.maximum(0.0, 2 * math.pi / dv - sums.wave)
+            left += np.exp(digits - sums.lost - sums.variance * apart**2 / 2)
+        found = max(found, float(left.max()))
+    return 2 * scales.rtol / DROPPED * found
 
 
 def good(scales: Scales, waves: Waves, dv: float, begun: Array, h: float) -> bool:
@@ -92,8 +96,8 @@ def good(scales: Scales, waves: Waves, dv: float, begun: Array, h: float) -> boo
     return error(scales, waves, dv, begun, h) <= scales.rtol / SHARE * (1 + 1e-9)
 
 
-def before_kernels(scales: Scales, waves: Waves, k: Array, begun: Array, h: float) -> Iterator[Sums]:
-    """Of waves k of the coldest and of the hottest Gaussian of the start."""
+def before_kernels(scales: Scales, waves: Waves, k: Array, begun: Array, h: float) -> Iterator[tuple[Sums, ...]]:
+    """Of waves k of the coldest and of the hottest Gaussian of the start: those of one or of two kernels."""
     model = scales.scene.model
     for theta in {scales.narrowest, float(scales.temperature.max())}:
         broad, covariance, displaced = np.full((begun.size, 1), theta), np.zeros((begun.size, 1)), np.zeros((begun.size, 1))
@@ -103,24 +107,31 @@ def before_kernels(scales: Scales, waves: Waves, k: Array, begun: Array, h: floa
         wave = k * covariance / broad
         lost = k**2 * np.maximum(0.0, displaced - covariance**2 / broad) / 2
         if waves.local_gauge:
-            yield _second_kernel(scales, wave, broad, lost, k, h)
+            yield _two_kernels(scales, wave, broad, lost, k, h)
         else:
             step = transition(model, h)
             after = model.noise / model.friction * excess_displacement(model.friction, h)
             faded = np.where(k**2 * bridge_variance(model, h) / 2 > FADED, math.inf, 0.0)
             moved = wave + k * half_transport_time(model.friction, h)
-            yield Sums(moved, broad, _together(broad, step.velocity_variance / step.decay**2), lost + k**2 * after + faded)
+            seen = step.velocity_variance / step.decay**2
+            yield (Sums(moved, broad, _together(broad, seen), lost + k**2 * after + faded),)
 
 
-def _second_kernel(scales: Scales, wave: Array, broad: Array, lost: Array, k: Array, h: float) -> Sums:
+def _two_kernels(scales: Scales, wave: Array, broad: Array, lost: Array, k: Array, h: float) -> tuple[Sums, Sums]:
     """Of what is before a step in the local gauge: transport by a, kernel, transport by b, kernel."""
     model = scales.scene.model
     half, (a, b) = transition(model, h / 2), transport_times(model.friction, h)
     seen = half.velocity_variance / half.decay**2
     wave, first = wave + k * a, _together(broad, seen)
     after = broad * half.decay**2 + half.velocity_variance
-    moved = wave * broad * half.decay / after + k * b
-    return Sums(moved, after, _together(after, seen), lost + first * wave**2 / 2)
+    second, left = _together(after, seen), broad * half.decay / after
+    # What the first sum is off by is a wave left·(Q - q) - kb for the second kernel, which leaves little of it where f is broad.
+    damped = second * left**2
+    part = damped / (first + damped)
+    return (
+        Sums(wave + part * k * b / left, broad, first + damped, lost + first * part * (k * b / left) ** 2 / 2),
+        Sums(wave * left + k * b, after, second, lost + first * wave**2 / 2),
+    )
 
 
 def _thinned(waves: Waves) -> tuple[Array, Array]:
