@@ -25,9 +25,8 @@ def spacing(scales: Scales, waves: Waves, name: DriftDiffusionScheme, step: floa
     """The dv at which their error is RULE_SHARE of rtol; `step` is the longest, of an exact one."""
     coefficient, order = measured.FINITE_VOLUME_ERROR[name]
     coefficient *= tail_weight(scales) * min(1.0, measured.SATURATED * scales.scene.model.friction * scales.end)
-    if order == 8:
-        coefficient *= _off_equilibrium(scales)
-    coefficient *= max(1.0, finer(scales, waves, order, step))
+    off = _off_equilibrium(scales) if order == 8 else 1.0
+    coefficient *= max(off, finer(scales, waves, order, step))
     return math.sqrt(scales.scene.model.noise) * (measured.RULE_SHARE * scales.rtol / coefficient) ** (1 / order)
 
 
