@@ -78,8 +78,9 @@ def largest_spacing(scales: Scales, waves: Waves, begun: Array, h: float) -> flo
     return 2 * math.pi / most if most > 0 else math.inf
 
 
-def error(scales: Scales, waves: Waves, dv: float, begun: Array, h: float) -> float:
-    """Of f over max f, that points of this spacing make of a step h: of the worst wave, and of the step that begins worst."""
+def error(scales: Scales, waves: Waves, dv: float, begun: Array, h: float, together: bool = False) -> float:
+    """Of f over max f, that points of this spacing make of a step h: of the worst wave, or of all together, and of the step that
+    begins worst."""
     k, digits = _thinned(waves)
     found = 0.0
     for kernels in before_kernels(scales, waves, k, begun, h):
@@ -87,7 +88,7 @@ def error(scales: Scales, waves: Waves, dv: float, begun: Array, h: float) -> fl
         for sums in kernels:
             apart = np.maximum(0.0, 2 * math.pi / dv - sums.wave)
             left += np.exp(digits - sums.lost - sums.variance * apart**2 / 2)
-        found = max(found, float(left.max()))
+        found = max(found, float((left.sum(axis=1) if together else left).max()))
     return 2 * scales.rtol / DROPPED * found
 
 

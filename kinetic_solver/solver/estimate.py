@@ -12,6 +12,7 @@ from kinetic_solver.arrays import Array
 from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.operators.collisions import POINTS, RefinableRate
 from kinetic_solver.operators.fourier import relative_amplitudes
+from kinetic_solver.operators.transport import resolved_waves
 from kinetic_solver.operators.velocity import OrnsteinUhlenbeckKernel
 from kinetic_solver.operators.velocity.kernel import resolution, resolved_spacing
 from kinetic_solver.plan import Plan, in_t, in_x, measured
@@ -140,10 +141,12 @@ and 6 are multiples of 3. Chosen."""
 
 def _highest(seen: Observation) -> float:
     """The height of the highest eighth of waves in x after exact steps of (6), which put what the points do not hold of their
-    products among them: all together, twice the sum of their amplitudes."""
+    products among them: all together, twice the sum of their amplitudes; and of what steps take from the waves below these."""
     amplitude = seen.waves_in_x
     above_the_start = amplitude.size - 1 - seen.plan.waves.highest_mode
-    return 2 * float(amplitude[-max(1, amplitude.size // 8, min(HIGHEST, above_the_start // 3)) :].sum())
+    taken = 1 - resolved_waves(seen.grid)
+    taken[-max(1, amplitude.size // 8, min(HIGHEST, above_the_start // 3)) :] = 1.0
+    return 2 * float(amplitude @ taken)
 
 
 def _of_v(seen: Observation) -> float:

@@ -35,7 +35,7 @@ def kernel_error(seen: Observation, start: Spectrum) -> float:
     begun = steps.begins(seen.clock)
     h = seen.clock - begun
     if plan.scene.initial.file is None:
-        return kernel_sums.error(plan.scales, plan.waves, seen.grid.dv, np.array([begun]), h)
+        return kernel_sums.error(plan.scales, plan.waves, seen.grid.dv, np.array([begun]), h, together=True)
     return _of_spectra(seen, start if begun == 0 else spectrum_of(seen), h / 2 if plan.waves.local_gauge else h)
 
 
