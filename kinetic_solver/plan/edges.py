@@ -37,14 +37,16 @@ truth, too, or is slowed down."""
 
 
 def longest_bounded_step(scales: Scales, low: float, high: float, farthest: float) -> float:
-    """The longest step, at most `farthest`, in which nothing that stays in the window (low, high) outgrows the homogeneous state
-    of the largest density; `farthest` where there is no friction or no noise, or no operator (6)."""
-    model = scales.scene.model
-    if not scales.amplifies or model.friction * model.noise == 0:
-        return farthest
+    """The longest step, at most `farthest`, that is bounded in the window (low, high)."""
     lengths = [farthest * (TRIED - n) / TRIED for n in range(TRIED)]
-    growth = scales.cross_section * scales.rho_max
-    return next((h for h in lengths if outgrows(model, growth, low, high, h) < STAYS), lengths[-1])
+    return next((h for h in lengths if bounded(scales, low, high, h)), lengths[-1])
+
+
+def bounded(scales: Scales, low: float, high: float, h: float) -> bool:
+    """Whether nothing that stays in the window outgrows the homogeneous state of the largest density in steps of h; true where
+    there is no friction or no noise, or no operator (6)."""
+    model, growth = scales.scene.model, scales.cross_section * scales.rho_max
+    return not (scales.amplifies and model.friction * model.noise > 0) or outgrows(model, growth, low, high, h) < STAYS
 
 
 def outgrows(model: Model, growth: float, low: float, high: float, h: float) -> float:

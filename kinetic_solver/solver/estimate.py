@@ -22,6 +22,7 @@ from kinetic_solver.solver.cut_off import CutOff, cut_off, of_what_stays
 from kinetic_solver.solver.kernel_error import Spectrum, kernel_error, spectrum_of
 from kinetic_solver.solver.observation import Observation
 from kinetic_solver.solver.regrid import resize
+from kinetic_solver.solver.scheme import adding
 from kinetic_solver.theory.ornstein_uhlenbeck import transition
 
 PARTS = {
@@ -55,9 +56,7 @@ class ErrorEstimate:
     def __init__(self, plan: Plan) -> None:
         scales = plan.scales
         self._of_steps = 0.0
-        model = plan.inner.model
         self._amplified = in_t.amplified_error(scales)
-        self._sums = scales.amplifies or model.friction <= 0 or model.noise == 0  # scheme.adding
         if plan.stepping == "strang" and plan.time_step is not None:
             self._of_steps = in_t.strang_error(scales, plan.waves, plan.time_step)
         self._lost = plan.waves.beyond(plan.grid.nx) + in_x.error_of_step_products(scales, plan.waves, plan.grid.nx)
@@ -68,9 +67,8 @@ class ErrorEstimate:
     def step(self, seen: Observation) -> None:
         """A step has ended, with an estimate of its own error."""
         if seen.plan.stepping in ("extrapolated", "exponential", "homogeneous"):
-            kept = math.exp(-seen.length / seen.plan.memory_time) * self._of_steps
             error = self._amplified * seen.error / float(np.abs(seen.f).max())
-            self._of_steps = kept + error if self._sums else math.hypot(kept, error)
+            self._of_steps = added_up(seen.plan, self._of_steps, seen.length, error)
 
     def parts(self, seen: Observation, diagnostics: dict[str, float]) -> dict[str, float]:
         """All parts, and `error_estimate`, their sum."""
@@ -112,6 +110,13 @@ class ErrorEstimate:
         return f"{PARTS[name]}: {self._parts[name]:.2g} of max f"
 
 
+def added_up(plan: Plan, before: float, length: float, error: float) -> float:
+    """What the errors of steps come to after one more, of this length and error: what was before is forgotten meanwhile, and
+    errors add up as in scheme.adding."""
+    kept = math.exp(-length / plan.memory_time) * before
+    return kept + error if adding(plan) == 1 else math.hypot(kept, error)
+
+
 def _of_x(seen: Observation, diagnostics: dict[str, float], lost: float) -> float:
     if seen.grid.nx == 1:
         return 0.0
@@ -142,9 +147,8 @@ and 6 are multiples of 3. Chosen."""
 def _highest(seen: Observation) -> float:
     """The height of the highest eighth of waves in x after exact steps of (6), which put what the points do not hold of their
     products among them: all together, twice the sum of their amplitudes; and of what steps take from the waves below these."""
-    amplitude = seen.waves_in_x
+    amplitude, taken = seen.waves_in_x, 1 - resolved_waves(seen.grid)
     above_the_start = amplitude.size - 1 - seen.plan.waves.highest_mode
-    taken = 1 - resolved_waves(seen.grid)
     taken[-max(1, amplitude.size // 8, min(HIGHEST, above_the_start // 3)) :] = 1.0
     return 2 * float(amplitude @ taken)
 
@@ -158,8 +162,7 @@ def _of_v(seen: Observation) -> float:
         order = measured.FINITE_VOLUME_ERROR[plan.drift_diffusion][1]
         planned = measured.RULE_SHARE * plan.inner.accuracy.rtol
         error += planned * (seen.grid.dv / plan.finite_volume_spacing) ** order
-    error += rate_error(seen, seen.clock)
-    return error
+    return error + rate_error(seen, seen.clock)
 
 
 def waves_in_v(seen: Observation) -> float:

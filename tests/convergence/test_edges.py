@@ -1,4 +1,4 @@
-"""What the window's edges do to exact steps of (6): closed forms against the step's own spectrum, and runs that they had spoilt."""
+"""What the edges of the window do to exact steps of (6): closed forms against the step's spectrum, and runs that they spoilt."""
 
 from __future__ import annotations
 
@@ -9,11 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from kinetic_solver import Scene, solve
+from kinetic_solver import Scene, exact, solve
 from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.operators.linear import LinearStep
 from kinetic_solver.operators.velocity import OrnsteinUhlenbeckKernel
-from kinetic_solver.plan import make_plan
 from kinetic_solver.plan.edges import STAYS, outgrows
 from kinetic_solver.scene import Model
 from kinetic_solver.theory.ornstein_uhlenbeck import half_transport_time, transition
@@ -77,5 +76,20 @@ def test_the_homogeneous_state_stays(make_scene: MakeScene, number: float, rtol:
     truth = np.exp(-((v - u) ** 2) / (2 * MODEL.noise)) / math.sqrt(2 * math.pi * MODEL.noise)
     error = float(np.abs(run["f"].values - truth).max() / truth.max())
     assert error < 0.03 * rtol
-    assert error <= float(run["error_estimate"].max()) < max(0.03 * rtol, 1e-8)
+    assert error <= float(run["error_estimate"].max()) < max(0.05 * rtol, 2e-8)
     assert np.abs(run["temperature"].values - MODEL.noise).max() < rtol * MODEL.noise
+
+
+@pytest.mark.parametrize("rtol", [1e-3, 1e-5])
+@pytest.mark.parametrize("mean_velocity", [0.4, -5.3])
+@pytest.mark.parametrize("temperature", [0.07, 6.0, 21.0])
+def test_cold_and_hot_starts_that_last(make_scene: MakeScene, temperature: float, mean_velocity: float, rtol: float) -> None:
+    """A frame soon after the grid was made smaller is reached from the link before, which the smaller grid had cut off: f was
+    wrong by 0.2 of its maximum, in silence."""
+    scene = state_of(make_scene, 1.1, rtol)
+    scene = scene.replace(**{"initial.temperature": temperature, "initial.mean_velocity": mean_velocity})
+    run = solve(scene)
+    truth = exact.solve(scene, run["x"], run["v"])["f"]
+    error = (np.abs(run["f"] - truth).max(("x", "v")) / truth.max(("x", "v"))).values[1:]
+    assert error.max() < 0.1 * rtol
+    assert (error <= np.maximum(run["error_estimate"].values[1:], 1e-11)).all()

@@ -1,4 +1,4 @@
-"""What points in v make of the kernel of exact steps of (6), plan/kernel_sums.py: its closed form against steps on finer points."""
+"""What points in v make of the kernel of exact steps of (6), plan/kernel_sums.py: closed forms against steps on finer points."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ MakeScene = Callable[..., Scene]
 FINER = 5
 """Times denser points, on which sums are exact."""
 BETWEEN = (0.7, 1.7)
-"""Of what is told, which is that of the worst wave alone, the error: from 0.8 to 1.5 was measured, from 3e-11 to 2e-2 of max f."""
+"""Of what is told, that of the worst wave alone, the error: from 0.8 to 1.5 was measured, from 3e-11 to 2e-2 of max f."""
 
 
 def weak(make_scene: MakeScene, mode: int, temperature: float, friction: float, noise: float, end: float) -> Plan:
