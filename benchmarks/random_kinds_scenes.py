@@ -27,7 +27,7 @@ KINDS = (
     "homogeneous",
 )
 FURTHER = ("friction", "weak", "early", "high")
-"""Kinds apart, without pairs: friction from 1e-5 to 10 where lengths, temperatures and times are about 1; weak friction, and noise
+"""Kinds apart, without pairs: friction from 1e-5 to 10 where lengths, temperatures and times are about 1; weak friction and noise
 so strong that it acts; ends so early that f is hardly changed, from cold and hot starts; waves of high modes."""
 DECADES = 6.0
 """Units are random powers of ten, up to this one and down to one over it."""

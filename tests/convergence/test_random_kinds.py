@@ -59,6 +59,15 @@ def test_estimates_of_few_steps(seed: int, rtol: float) -> None:
     assert line["estimate"] <= 1, line
 
 
+@pytest.mark.parametrize(
+    ("seed", "rtol"), [*((seed, 1e-3) for seed in range(16)), (15, 1e-6), (119, 1e-4), (27, 1e-5), (59, 1e-5)]
+)
+def test_weak_friction_early_ends_and_high_modes(seed: int, rtol: float) -> None:
+    line = attempt(seed, rtol, longest=LONGEST, further=True)
+    if "too_long" not in line:
+        check(line)
+
+
 @pytest.mark.parametrize("seed", WITH_PAIRS)
 def test_operator_12_against_fourier_series(seed: int) -> None:
     line = attempt(seed, RTOL, longest=LONGEST)
