@@ -64,7 +64,7 @@ class Sums:
 def links(scales: Scales, h: float) -> Array:
     """When steps of a chain begin."""
     count = max(1, round(scales.end / h))
-    return h * np.unique(np.linspace(0, count - 1, min(count, LINKS)).round())
+    return h * np.unique(np.linspace(0.0, float(count - 1), min(count, LINKS)).round())
 
 
 def largest_spacing(scales: Scales, waves: Waves, begun: Array, h: float) -> float:
