@@ -94,7 +94,7 @@ def totals(state: Solution, rho: Array, u: Array, theta: Array) -> tuple[float, 
     """
     scene, length = state.scene, state.scene.pipe.length
     mass = scene.initial.density * length
-    if state.time == 0:
+    if state.setting.at_start:
         return mass, *state.start_totals()
     if scene.cross_section == 0:
         p, energy = state.start_totals()
@@ -106,7 +106,8 @@ def totals(state: Solution, rho: Array, u: Array, theta: Array) -> tuple[float, 
         nx = 4 * nx if nx > 1 else 64
         rho, u, theta, _ = state.moments(length * np.arange(nx) / nx)
     scale = mass / rho.mean()
-    return mass, float((rho * u).mean()) * scale, float((rho * (u**2 + theta)).mean()) * scale / 2
+    momentum, energy = (np.where(rho > 0, rho * part, 0.0).mean() for part in (u, u**2 + theta))
+    return mass, float(momentum) * scale, float(energy) * scale / 2
 
 
 def points(scene: Scene, x: ArrayLike | None = None, v: ArrayLike | None = None) -> PhaseSpaceGrid:
@@ -164,7 +165,7 @@ def _window(scene: Scene) -> tuple[float, float]:
         alone = scene.model_copy(update={"initial": scene.initial.model_copy(update=of_beam)})
         for time in (0.0, scene.run.end_time):
             _, u, theta, _ = Solution(alone, time).moments(places)
-            means += [u.min(), u.max()]
-            spreads.append(theta.max())
+            means += [np.nanmin(u), np.nanmax(u)]  # in a vacuum there are none
+            spreads.append(np.nanmax(theta))
     reach = 6 * math.sqrt(max(spreads))
     return float(min(means)) - reach, float(max(means)) + reach

@@ -1,0 +1,119 @@
+"""f at given places and velocities, by an integral of its own for each, over starting points near the one it would have had
+without noise. Of weak noise, and at early times, they are few, while sums that all velocities share take ever more terms.
+
+A particle that is now at (x, v) came from y* + z, y* its starting point without noise, z ~ N(0, w²): the noise's part of eX - bV alone,
+X and V displacement and velocity, which no start enters. Given z the rest is a Gaussian in v, so that
+
+    f E = ∫ρ0(y) exp(SΦ0(y)) N(z; 0, w²) N(v; V's mean, variance given y and z) dz,   y = y* + z.
+
+Without noise w = 0, and f is known along the path.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinetic_solver import initial
+from kinetic_solver.arrays import Array
+from kinetic_solver.exact.mixture import SIGMAS
+from kinetic_solver.exact.panels import ORDER, Panels, resolved
+from kinetic_solver.exact.setting import Setting, jumps, slopes
+
+AT_ONCE = 4096
+"""Points (x, v). Chosen, for memory."""
+LEAST_PANELS = 4
+"""Of each integral."""
+STEEP = 8.0
+"""Powers of e by which exp(SΦ0) may grow over a panel at the outset."""
+
+
+def count(at: Setting) -> float:
+    """Terms of one point, or about as many; infinite where it should not be done like this."""
+    if at.noiseless or not math.isfinite(at.place_variance):
+        return math.inf
+    return float(ORDER * max(_panels(at, theta) for _, _, theta in at.beams))
+
+
+def distribution(at: Setting, x: Array, v: Array, log_scale: Array) -> Array:
+    """f, (len(x), len(v)), from log E - Sρ̄(x - gravity's displacement)."""
+    f = np.zeros(x.size * v.size)
+    rows, columns = (index.ravel() for index in np.indices((x.size, v.size)))
+    for first in range(0, f.size, AT_ONCE):
+        part = slice(first, first + AT_ONCE)
+        i, j = rows[part], columns[part]
+        for beam in at.beams:
+            f[part] += _of_beam(at, beam, x[i], v[j], log_scale[i])
+    return f.reshape(x.size, v.size)
+
+
+def along_paths(at: Setting, x: Array, v: Array, log_scale: Array) -> Array:
+    """f, (len(x), len(v)), without noise: every point has one starting point."""
+    k = at.spread
+    v0 = (v - k.velocity_shift) / k.decay
+    offset = np.broadcast_to(k.drift_time * v0, (x.size, v.size))
+    y = (x - k.displacement_shift)[:, None] - offset
+    height = initial.density(at.scene, y) * np.exp(at.exponent(offset, y) - log_scale[:, None]) / k.decay
+    f = np.zeros((x.size, v.size))
+    for share, u0, theta0 in at.beams:
+        u, theta = at.fields(y, u0, theta0)
+        f += share * height * np.exp(-((v0 - u) ** 2) / (2 * theta)) / np.sqrt(2 * np.pi * theta)
+    return f
+
+
+def _of_beam(at: Setting, beam: tuple[float, float, float], x: Array, v: Array, log_scale: Array) -> Array:
+    k, (share, u0, theta0) = at.spread, beam
+    turn, left = at.of_velocity
+    w = math.sqrt(at.place_variance)
+    change = v - k.velocity_shift
+    path = k.drift_time / k.decay * change
+
+    def integrand(some: Panels) -> Array:
+        z, of = some.nodes, some.owner
+        origin = (x - k.displacement_shift)[of]
+        offset = path[of][:, None] - z
+        y = origin[:, None] - offset
+        u, theta = at.fields(y, u0, theta0)
+        variance = theta * k.decay**2 + left
+        apart = change[of][:, None] - k.decay * u - turn * z
+        log = at.exponent(offset, y) - log_scale[of][:, None] - (z / w) ** 2 / 2 - apart**2 / (2 * variance)
+        on_its_side = (origin - path[of] + some.centre)[:, None]
+        rho = initial.density(at.scene, y if at.scene.initial.step is None else on_its_side)
+        return np.asarray(rho * np.exp(log) / (2 * math.pi * w * np.sqrt(variance)))
+
+    def checked(some: Panels) -> tuple[Array, NDArray[np.bool_]]:
+        return integrand(some)[None], np.zeros(some.size, dtype=bool)
+
+    reach = _reach(at)
+    even = np.broadcast_to(np.linspace(-reach, reach, _panels(at, theta0) + 1), (x.size, _panels(at, theta0) + 1))
+    panels = resolved(Panels.between(np.concatenate([even, _jumps(at, x, path, reach)], axis=1)), checked, at.time)
+    return share * np.bincount(panels.owner, (integrand(panels) * panels.weights).sum(axis=1), minlength=x.size)
+
+
+def _reach(at: Setting) -> float:
+    """How far z goes on either side; exp(SΦ0) favours what is ahead."""
+    return SIGMAS * math.sqrt(at.place_variance) + at.steepest * at.place_variance
+
+
+def _panels(at: Setting, theta0: float) -> int:
+    """So many that nothing changes by more than a few widths over any of them."""
+    k, start = at.spread, at.scene.initial
+    turn, left = at.of_velocity
+    coldest = at.coldest if at.varied else theta0
+    warmer = slopes(start.temperature_modes, at.length, theta0)[0] / theta0 * theta0 / coldest
+    rate = (k.decay * slopes(start.velocity_modes, at.length)[0] + turn) / (3 * math.sqrt(coldest * k.decay**2 + left))
+    rate += 2 * warmer + at.k_max + at.steepest / STEEP
+    return LEAST_PANELS + math.ceil(min(2 * _reach(at) * rate, 1e9))
+
+
+def _jumps(at: Setting, x: Array, path: Array, reach: float) -> Array:
+    """Of the density, as z from the path's starting point, within reach; (points, jumps)."""
+    if at.scene.initial.step is None:
+        return np.empty((x.size, 0))
+    shift, length = at.spread.displacement_shift, at.length
+    period = length * np.floor((x - shift - path) / length)
+    places = jumps(at.scene, -reach, length + reach)
+    # Taken from the place first: a place on a jump has it exactly there.
+    return np.clip(places - (x - period)[:, None] + shift + path[:, None], -reach, reach)
