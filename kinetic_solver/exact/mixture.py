@@ -24,7 +24,8 @@ class Mixture:
     mean: Array
     variance: Array
     log_scale: Array
-    """log E(x) - Sρ̄(x - gravity's displacement), of every place."""
+    """log E(x) - Sρ̄(x - m) - (Sρ̄)²X/2 of every place, m and X being mean and variance of the displacement, of the first beam
+    without its modes."""
 
     def moments(self) -> tuple[Array, Array, Array, Array]:
         """Density, mean velocity, temperature and heat flux of every place; of nothing they are 0, NaN, NaN and 0."""

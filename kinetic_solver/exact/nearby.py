@@ -1,8 +1,8 @@
 """f at given places and velocities, by an integral of its own for each, over starting points near the one it would have had
 without noise. Of weak noise, and at early times, they are few, while sums that all velocities share take ever more terms.
 
-A particle that is now at (x, v) came from y* + z, y* its starting point without noise, z ~ N(0, w²): the noise's part of eX - bV alone,
-X and V displacement and velocity, which no start enters. Given z the rest is a Gaussian in v, so that
+A particle that is now at (x, v) came from y* + z, y* its starting point without noise, z ~ N(0, w²): the noise's part of
+eX - bV alone, X and V displacement and velocity, which no start enters. Given z the rest is a Gaussian in v, so that
 
     f E = ∫ρ0(y) exp(SΦ0(y)) N(z; 0, w²) N(v; V's mean, variance given y and z) dz,   y = y* + z.
 
@@ -27,7 +27,7 @@ AT_ONCE = 4096
 LEAST_PANELS = 4
 """Of each integral."""
 STEEP = 8.0
-"""Powers of e by which exp(SΦ0) may grow over a panel at the outset."""
+"""Powers of e by which exp(SΦ0 - Sρ̄y) may change over a panel at the outset."""
 
 
 def count(at: Setting) -> float:
@@ -38,7 +38,7 @@ def count(at: Setting) -> float:
 
 
 def distribution(at: Setting, x: Array, v: Array, log_scale: Array) -> Array:
-    """f, (len(x), len(v)), from log E - Sρ̄(x - gravity's displacement)."""
+    """f, (len(x), len(v)), `log_scale` being that of a `Mixture`."""
     f = np.zeros(x.size * v.size)
     rows, columns = (index.ravel() for index in np.indices((x.size, v.size)))
     for first in range(0, f.size, AT_ONCE):
@@ -53,13 +53,13 @@ def along_paths(at: Setting, x: Array, v: Array, log_scale: Array) -> Array:
     """f, (len(x), len(v)), without noise: every point has one starting point."""
     k = at.spread
     v0 = (v - k.velocity_shift) / k.decay
-    offset = np.broadcast_to(k.drift_time * v0, (x.size, v.size))
-    y = (x - k.displacement_shift)[:, None] - offset
-    height = initial.density(at.scene, y) * np.exp(at.exponent(offset, y) - log_scale[:, None]) / k.decay
+    y = (x - k.displacement_shift)[:, None] - k.drift_time * v0
+    height, log = initial.density(at.scene, y) / k.decay, at.waves(y) - log_scale[:, None]
     f = np.zeros((x.size, v.size))
     for share, u0, theta0 in at.beams:
         u, theta = at.fields(y, u0, theta0)
-        f += share * height * np.exp(-((v0 - u) ** 2) / (2 * theta)) / np.sqrt(2 * np.pi * theta)
+        apart = v0 - u + at.growth * k.drift_time * theta  # moved as by `Setting.tilt`
+        f += share * height * np.exp(log + at.tilt(u, theta) - apart**2 / (2 * theta)) / np.sqrt(2 * np.pi * theta)
     return f
 
 
@@ -69,16 +69,19 @@ def _of_beam(at: Setting, beam: tuple[float, float, float], x: Array, v: Array, 
     w = math.sqrt(at.place_variance)
     change = v - k.velocity_shift
     path = k.drift_time / k.decay * change
+    # exp(Sρ̄y) moves both Gaussians, that in v and that in z.
+    steep = at.growth * k.drift_time / k.decay
+    ahead = (at.growth - steep * turn) * w * w
 
     def integrand(some: Panels) -> Array:
         z, of = some.nodes, some.owner
         origin = (x - k.displacement_shift)[of]
-        offset = path[of][:, None] - z
-        y = origin[:, None] - offset
+        y = origin[:, None] - (path[of][:, None] - z)
         u, theta = at.fields(y, u0, theta0)
         variance = theta * k.decay**2 + left
-        apart = change[of][:, None] - k.decay * u - turn * z
-        log = at.exponent(offset, y) - log_scale[of][:, None] - (z / w) ** 2 / 2 - apart**2 / (2 * variance)
+        apart = change[of][:, None] - k.decay * u - turn * z + steep * variance
+        log = at.waves(y) + at.tilt(u, theta) - log_scale[of][:, None]
+        log -= ((z - ahead) / w) ** 2 / 2 + apart**2 / (2 * variance)
         on_its_side = (origin - path[of] + some.centre)[:, None]
         rho = initial.density(at.scene, y if at.scene.initial.step is None else on_its_side)
         return np.asarray(rho * np.exp(log) / (2 * math.pi * w * np.sqrt(variance)))
@@ -86,15 +89,15 @@ def _of_beam(at: Setting, beam: tuple[float, float, float], x: Array, v: Array, 
     def checked(some: Panels) -> tuple[Array, NDArray[np.bool_]]:
         return integrand(some)[None], np.zeros(some.size, dtype=bool)
 
-    reach = _reach(at)
-    even = np.broadcast_to(np.linspace(-reach, reach, _panels(at, theta0) + 1), (x.size, _panels(at, theta0) + 1))
-    panels = resolved(Panels.between(np.concatenate([even, _jumps(at, x, path, reach)], axis=1)), checked, at.time)
+    ends = (ahead - _reach(at), ahead + _reach(at))
+    even = np.broadcast_to(np.linspace(*ends, _panels(at, theta0) + 1), (x.size, _panels(at, theta0) + 1))
+    panels = resolved(Panels.between(np.concatenate([even, _jumps(at, x, path, ends)], axis=1)), checked, at.time)
     return share * np.bincount(panels.owner, (integrand(panels) * panels.weights).sum(axis=1), minlength=x.size)
 
 
 def _reach(at: Setting) -> float:
-    """How far z goes on either side; exp(SΦ0) favours what is ahead."""
-    return SIGMAS * math.sqrt(at.place_variance) + at.steepest * at.place_variance
+    """How far z goes on either side of its mean; SΦ0 - Sρ̄y may favour both."""
+    return SIGMAS * math.sqrt(at.place_variance) + max(at.steepness) * at.place_variance
 
 
 def _panels(at: Setting, theta0: float) -> int:
@@ -102,18 +105,18 @@ def _panels(at: Setting, theta0: float) -> int:
     k, start = at.spread, at.scene.initial
     turn, left = at.of_velocity
     coldest = at.coldest if at.varied else theta0
-    warmer = slopes(start.temperature_modes, at.length, theta0)[0] / theta0 * theta0 / coldest
+    warmer = slopes(start.temperature_modes, at.length, theta0)[0] / coldest
     rate = (k.decay * slopes(start.velocity_modes, at.length)[0] + turn) / (3 * math.sqrt(coldest * k.decay**2 + left))
-    rate += 2 * warmer + at.k_max + at.steepest / STEEP
+    rate += 2 * warmer + at.k_max + max(at.steepness) / STEEP
     return LEAST_PANELS + math.ceil(min(2 * _reach(at) * rate, 1e9))
 
 
-def _jumps(at: Setting, x: Array, path: Array, reach: float) -> Array:
-    """Of the density, as z from the path's starting point, within reach; (points, jumps)."""
+def _jumps(at: Setting, x: Array, path: Array, ends: tuple[float, float]) -> Array:
+    """Of the density, as z from the path's starting point, between the ends; (points, jumps)."""
     if at.scene.initial.step is None:
         return np.empty((x.size, 0))
     shift, length = at.spread.displacement_shift, at.length
     period = length * np.floor((x - shift - path) / length)
-    places = jumps(at.scene, -reach, length + reach)
+    places = jumps(at.scene, ends[0], length + ends[1])
     # Taken from the place first: a place on a jump has it exactly there.
-    return np.clip(places - (x - period)[:, None] + shift + path[:, None], -reach, reach)
+    return np.clip(places - (x - period)[:, None] + shift + path[:, None], *ends)

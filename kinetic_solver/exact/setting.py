@@ -104,11 +104,21 @@ class Setting:
         """Mean velocity and temperature of one beam at time 0."""
         return initial.mean_velocity(self.scene, y, u0), initial.temperature(self.scene, y, theta0)
 
-    def exponent(self, offset: Array, y: Array) -> Array:
-        """SΦ0(y) - Sρ̄(y + offset), y = x - gravity's displacement - offset: what of SΦ0 depends on the starting point."""
-        if self.s == 0:
-            return np.zeros_like(offset)
-        return np.asarray(self.s * initial.density_excess(self.scene, y) - self.growth * offset)
+    def waves(self, y: Array) -> Array:
+        """S(Φ0(y) - ρ̄y)."""
+        return self.s * initial.density_excess(self.scene, y) if self.s else np.zeros_like(y)
+
+    def tilt(self, u: Array | float, theta: Array | float) -> Array | float:
+        """-Sρ̄m + (Sρ̄)²X/2 less its value for the first beam, m and X being mean and variance of the displacement: what weighting
+        with exp(Sρ̄y) adds to the logarithm of a Gaussian in x - y, apart from moving its mean by -Sρ̄X."""
+        (_, first_u, first_theta), steep = self.beams[0], self.growth * self.spread.drift_time
+        return steep * (steep * (theta - first_theta) / 2 - (u - first_u))
+
+    def logarithm(self, offset: Array, y: Array) -> Array:
+        """SΦ0(y) less what `Mixture.log_scale` is without of log E; y = x - gravity's displacement - offset."""
+        (_, u, theta), k = self.beams[0], self.spread
+        xx = theta * k.drift_time**2 + k.displacement_variance
+        return np.asarray(self.waves(y) - self.growth * (offset - u * k.drift_time + self.growth * xx / 2))
 
     def covariance(self, theta0: Array) -> tuple[Array, Array, Array]:
         """Of what starts with temperature θ0: variance of x, covariance, and variance of v given x."""

@@ -76,7 +76,7 @@ class Solution:
         return self._varied.mixtures(x, precise)
 
     def _log_scale(self, x: Array) -> Array:
-        """log E(x) - Sρ̄(x - gravity's displacement)."""
+        """That of `Mixture`."""
         if self.setting.s == 0:
             return np.zeros_like(x)
         return np.concatenate([mixture.log_scale for mixture in self._mixtures(x)])

@@ -56,9 +56,8 @@ def _mixture(at: Setting, x: Array, nodes: list[Nodes]) -> Mixture:
         ahead = u * k.drift_time - growth * xx
         origin = (x - k.displacement_shift)[:, None]
         y = origin - (ahead + zeta)
-        phi = at.s * initial.density_excess(at.scene, y) if at.s else np.zeros_like(y)
         rho = initial.density(at.scene, y if inside is None else origin - (ahead + inside))
-        logs.append(phi - zeta**2 / (2 * xx) - growth * (u * k.drift_time - growth * xx / 2))
+        logs.append(at.waves(y) + (at.tilt(u, theta) - zeta**2 / (2 * xx)))
         weights.append((rho, share * rule / math.sqrt(2 * math.pi * xx)))
         means.append(k.velocity_shift + u * k.decay - growth * xv + xv / xx * zeta)
         variances.append(np.full(zeta.size, vv))

@@ -29,6 +29,8 @@ PLACES = 16
 EVEN = 10.0
 """By how many powers of e a weight may differ over a panel that is not halved for its unevenness: a peak between nodes would
 still show at some of them."""
+LONG = 6.0
+"""Half a panel over the shortest wave's 1/k at most, or four widths of a pulse: no pulse hides between nodes."""
 NARROW = 6.0
 """Widths of a Gaussian in v that a panel may span: 20 nodes then integrate it to rounding."""
 
@@ -36,7 +38,7 @@ NARROW = 6.0
 class _Terms(NamedTuple):
     y: Array
     log: Array
-    """Of the weight, but for Sρ̄(x - gravity's displacement) and √(2πX)."""
+    """Of the weight times √(2πX), less what `Mixture.log_scale` is without."""
     d: Array
     xx: Array
     mean: Array
@@ -57,9 +59,11 @@ class Varied:
         slack = b * self._of_u[0] * at.length / LOOK
         self.width = math.sqrt(float(theta.max()) * b * b + k.displacement_variance)
         far = SIGMAS * self.width + slack
+        # Where most would come from if the first beam were all of it: exp(Sρ̄y) moves that ahead.
+        self.origin = b * self.u0 - at.growth * (self.theta0 * b * b + k.displacement_variance)
         # exp(SΦ0) favours dense places ahead, by at most its slope times the variance.
-        self.low = b * float(u.min()) - far - at.steepest * self.width**2
-        self.high = b * float(u.max()) + far
+        self.low = b * float(u.min()) - far - at.steepest * self.width**2 - self.origin
+        self.high = b * float(u.max()) + far - self.origin
         self._speed = k.decay * math.sqrt(float(theta.max())) + math.sqrt(k.velocity_variance) + k.decay * float(np.ptp(u))
 
     def count(self) -> float:
@@ -107,34 +111,40 @@ class Varied:
 
     def _terms(self, x: Array, offset: Array) -> _Terms:
         at, k = self.at, self.at.spread
-        y = x - k.displacement_shift - offset
+        y = (x - k.displacement_shift - self.origin) - offset
         u, theta = at.fields(y, self.u0, self.theta0)
         xx, xv, vv = at.covariance(theta)
-        d = offset - u * k.drift_time
-        return _Terms(y, at.exponent(offset, y) - d**2 / (2 * xx), d, xx, k.velocity_shift + u * k.decay + xv / xx * d, vv)
+        # d + Sρ̄X, d's distance from where exp(Sρ̄y) moves it, in which nothing large cancels
+        moved = offset - k.drift_time * (u - self.u0 - at.growth * k.drift_time * (theta - self.theta0))
+        log = at.waves(y) + at.tilt(u, theta) - moved**2 / (2 * xx)
+        mean = k.velocity_shift + u * k.decay - at.growth * xv + xv / xx * moved
+        return _Terms(y, log, moved - at.growth * xx, xx, mean, vv)
 
     def _density(self, x: Array, panels: Panels) -> Array:
         """At the nodes; with a step, of the side of its jump on which the panel lies."""
-        origin = (x - self.at.spread.displacement_shift)[panels.owner]
+        origin = (x - self.at.spread.displacement_shift - self.origin)[panels.owner]
         if self.at.scene.initial.step is None:
             return initial.density(self.at.scene, origin[:, None] - panels.nodes)
         return initial.density(self.at.scene, origin - panels.centre)[:, None]
 
     def _arrived(self, x: Array, panels: Panels, terms: _Terms, top: Array) -> Array:
-        """E's integrand over exp(top)."""
-        from scipy.special import log_ndtr
+        """E's integrand over exp(top). The probability is the weight's own Gaussian, by which nothing large cancels, times what
+        changes slowly."""
+        from scipy.special import erfcx, log_ndtr
 
-        exponent = self.at.exponent(panels.nodes, terms.y) - top[panels.owner][:, None]
-        return np.asarray(self.at.s * self._density(x, panels) * np.exp(exponent + log_ndtr(terms.d / np.sqrt(terms.xx))))
+        xi = terms.d / np.sqrt(terms.xx)
+        behind = np.maximum(xi, 0.0)
+        slow = np.where(xi < 0, np.log(erfcx(-np.minimum(xi, 0.0) / math.sqrt(2)) / 2), behind**2 / 2 + log_ndtr(behind))
+        return np.asarray(self.at.s * self._density(x, panels) * np.exp(terms.log - top[panels.owner][:, None] + slow))
 
     def _candidates(self, x: Array) -> tuple[Panels, Array, Array]:
         """Panels that hold all of the weight and have no sharper peak than shows; of E what lies beyond them, over exp(top); and
         top, the logarithm of about the largest weight of each place."""
         at, k = self.at, self.at.spread
-        origin = x - k.displacement_shift
+        origin = x - k.displacement_shift - self.origin
         even = np.broadcast_to(np.linspace(self.low, self.high, 9), (x.size, 9))
         places = jumps(at.scene, float(origin.min()) - self.high, float(origin.max()) - self.low)
-        at_jumps = np.clip(x[:, None] - places - k.displacement_shift, self.low, self.high)
+        at_jumps = np.clip(x[:, None] - places - k.displacement_shift - self.origin, self.low, self.high)
         panels = Panels.between(np.concatenate([even, at_jumps], axis=1))
         top = np.full(x.size, -np.inf)
         kept: list[Panels] = []
@@ -144,24 +154,28 @@ class Varied:
             log, bound, d = self._bounds(origin, panels)
             np.maximum.at(top, panels.owner, log)
             drop = bound < top[panels.owner] - SIGMAS**2 / 2
-            fine = ~drop & (bound - log < EVEN)
+            fine = ~drop & (bound - log < EVEN) & (panels.half * at.k_max < LONG)
             passed.append(panels.chosen(drop & (d > 0)))
             kept.append(panels.chosen(fine))
             panels = panels.chosen(~drop & ~fine).halved()
         whole = np.zeros(x.size)
         if at.s:  # ∫Sρ0 exp(SΦ0) dy between two points, and from far behind to the last
             behind = np.full(x.size, self.high)
-            whole = np.exp(at.exponent(behind, origin - behind) - top)
+            whole = np.exp(self._logarithm(origin, behind) - top)
             gone = joined(passed)
-            near, far = (at.exponent(end, origin[gone.owner] - end) - top[gone.owner] for end in (gone.low, gone.high))
+            near, far = (self._logarithm(origin[gone.owner], end) - top[gone.owner] for end in (gone.low, gone.high))
             whole += np.bincount(gone.owner, -np.exp(near) * np.expm1(far - near), minlength=x.size)
         return joined(kept), whole, top
+
+    def _logarithm(self, origin: Array, offset: Array) -> Array:
+        """SΦ0, as `_Terms.log` has it."""
+        return self.at.logarithm(self.origin + offset, origin - offset)
 
     def _bounds(self, origin: Array, panels: Panels) -> tuple[Array, Array, Array]:
         """Of each panel: the weight's logarithm in its middle, a bound on it, and d in the middle."""
         at, b, start = self.at, self.at.spread.drift_time, self.at.scene.initial
         half, middle = panels.half, panels.centre
-        terms = self._terms(origin[panels.owner] + at.spread.displacement_shift, middle)
+        terms = self._terms(origin[panels.owner] + at.spread.displacement_shift + self.origin, middle)
         first, second = self._of_u
         steep = np.minimum(
             1 + b * first, np.abs(1 + b * derivative(start.velocity_modes, terms.y, at.length)) + b * second * half
@@ -170,5 +184,5 @@ class Varied:
         slope = self.theta0 * np.abs(derivative(start.temperature_modes, terms.y, at.length))
         wider = terms.xx + b * b * half * np.minimum(first, slope + second * half)
         nearest = np.maximum(0.0, np.abs(terms.d) - steep * half)
-        ahead = at.exponent(panels.low, origin[panels.owner] - panels.low)  # SΦ0 grows with y
+        ahead = self._logarithm(origin[panels.owner], panels.low)  # SΦ0 grows with y
         return terms.log, ahead - nearest**2 / (2 * wider), terms.d
