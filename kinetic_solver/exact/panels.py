@@ -20,6 +20,8 @@ TAIL: Array = (_DEGREES + 0.5)[:, None] * GAUSS * np.polynomial.legendre.legvand
 RESOLVED = 1e-9
 """These coefficients over the integrand's largest value, below which a panel is resolved: coefficients fall geometrically, and
 the rule leaves those from the 40th on, about the square of the 20th."""
+NOTHING = 1e-290
+"""Values below this have lost digits, as numbers end at 1e-308."""
 MOST = 400_000
 """Panels alive at once: beyond it an integral costs too much. Two gigabytes, and about a minute. Chosen."""
 MOST_HALVINGS = 60
@@ -97,7 +99,7 @@ def resolved(panels: Panels, integrands: Callable[[Panels], tuple[Array, NDArray
         for of_all, of_one in zip(largest, values, strict=True):
             np.maximum.at(of_all, panels.owner, np.abs(of_one).max(axis=1))
         tail = np.abs(values @ TAIL.T).max(axis=2)
-        rough = wide | (tail > RESOLVED * largest[:, panels.owner]).any(axis=0)
+        rough = wide | (tail > RESOLVED * largest[:, panels.owner] + NOTHING).any(axis=0)
         done.append(panels.chosen(~rough))
         if not rough.any():
             break
