@@ -17,10 +17,12 @@ SIGMAS = 10.0
 
 @dataclass(frozen=True)
 class Mixture:
-    """f(x, ·) = Σ weight N(v; mean, variance) at one place or at several that share the Gaussians."""
+    """f(x, ·) = Σ weight N(v; base + mean, variance) at one place or at several that share the Gaussians."""
 
     weight: Array
     """Shape (places, terms)."""
+    base: float
+    """From which means are counted: a cold gas that moves fast keeps the digits of its temperature."""
     mean: Array
     variance: Array
     log_scale: Array
@@ -35,10 +37,11 @@ class Mixture:
         c = self.mean - np.where(rho > 0, u, 0.0)[:, None]
         with np.errstate(invalid="ignore"):
             theta = (self.weight * (c * c + self.variance)).sum(axis=1) / rho
-        return rho, u, theta, (self.weight * (c**3 + 3 * c * self.variance)).sum(axis=1)
+        return rho, self.base + u, theta, (self.weight * (c**3 + 3 * c * self.variance)).sum(axis=1)
 
     def at(self, v: Array) -> Array:
         """f at every v, (places, len(v)); where that is many narrow terms, those within SIGMAS of v."""
+        v = v - self.base
         height = self.weight / np.sqrt(2 * np.pi * self.variance)
         if self.mean.size < MANY:
             distance = v - self.mean[:, None]

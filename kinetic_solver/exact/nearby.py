@@ -22,8 +22,10 @@ from kinetic_solver.exact.mixture import SIGMAS
 from kinetic_solver.exact.panels import ORDER, Panels, resolved
 from kinetic_solver.exact.setting import Setting, jumps, slopes
 
-AT_ONCE = 4096
-"""Points (x, v). Chosen, for memory."""
+AT_ONCE = 40_000
+"""Panels. Chosen, for memory."""
+NEGLIGIBLE = 1e-13
+"""Of f's Legendre coefficients, over the mean density and the widest Gaussian that f may have: what they leave out is less."""
 LEAST_PANELS = 4
 """Of each integral."""
 STEEP = 8.0
@@ -41,8 +43,9 @@ def distribution(at: Setting, x: Array, v: Array, log_scale: Array) -> Array:
     """f, (len(x), len(v)), `log_scale` being that of a `Mixture`."""
     f = np.zeros(x.size * v.size)
     rows, columns = (index.ravel() for index in np.indices((x.size, v.size)))
-    for first in range(0, f.size, AT_ONCE):
-        part = slice(first, first + AT_ONCE)
+    points = max(1, AT_ONCE // max(_panels(at, theta) for _, _, theta in at.beams))
+    for first in range(0, f.size, points):
+        part = slice(first, first + points)
         i, j = rows[part], columns[part]
         for beam in at.beams:
             f[part] += _of_beam(at, beam, x[i], v[j], log_scale[i])
@@ -89,9 +92,11 @@ def _of_beam(at: Setting, beam: tuple[float, float, float], x: Array, v: Array, 
     def checked(some: Panels) -> tuple[Array, NDArray[np.bool_]]:
         return integrand(some)[None], np.zeros(some.size, dtype=bool)
 
+    # Far out in v little counts, and rounding of the exponent is large.
+    least = NEGLIGIBLE * at.scene.initial.density / math.sqrt(at.hottest * k.decay**2 + k.velocity_variance) / w
     ends = (ahead - _reach(at), ahead + _reach(at))
     even = np.broadcast_to(np.linspace(*ends, _panels(at, theta0) + 1), (x.size, _panels(at, theta0) + 1))
-    panels = resolved(Panels.between(np.concatenate([even, _jumps(at, x, path, ends)], axis=1)), checked, at.time)
+    panels = resolved(Panels.between(np.concatenate([even, _jumps(at, x, path, ends)], axis=1)), checked, at.time, least)
     return share * np.bincount(panels.owner, (integrand(panels) * panels.weights).sum(axis=1), minlength=x.size)
 
 

@@ -23,7 +23,7 @@ the rule leaves those from the 40th on, about the square of the 20th."""
 NOTHING = 1e-290
 """Values below this have lost digits, as numbers end at 1e-308."""
 MOST = 400_000
-"""Panels alive at once: beyond it an integral costs too much. Two gigabytes, and about a minute. Chosen."""
+"""Panels alive at once: beyond it places cost too much, about a second each. Chosen, for a gigabyte of memory."""
 MOST_HALVINGS = 60
 """Of a panel: then it is as narrow as numbers are apart."""
 
@@ -83,11 +83,13 @@ def joined(parts: list[Panels]) -> Panels:
     return Panels(owner[order], low[order], high[order])
 
 
-def resolved(panels: Panels, integrands: Callable[[Panels], tuple[Array, NDArray[np.bool_]]], time: float) -> Panels:
+def resolved(
+    panels: Panels, integrands: Callable[[Panels], tuple[Array, NDArray[np.bool_]]], time: float, least: float = NOTHING
+) -> Panels:
     """Panels that are narrow enough for every integrand.
 
     `integrands` gives the values at the nodes, (integrands, panels, ORDER), and whether a panel is too wide whatever they look
-    like. Raises SceneError where there would be too many.
+    like; values below `least` do not matter. Raises SceneError where there would be too many.
     """
     done: list[Panels] = []
     largest: Array | None = None
@@ -99,7 +101,7 @@ def resolved(panels: Panels, integrands: Callable[[Panels], tuple[Array, NDArray
         for of_all, of_one in zip(largest, values, strict=True):
             np.maximum.at(of_all, panels.owner, np.abs(of_one).max(axis=1))
         tail = np.abs(values @ TAIL.T).max(axis=2)
-        rough = wide | (tail > RESOLVED * largest[:, panels.owner] + NOTHING).any(axis=0)
+        rough = wide | (tail > RESOLVED * largest[:, panels.owner] + least).any(axis=0)
         done.append(panels.chosen(~rough))
         if not rough.any():
             break
@@ -111,6 +113,6 @@ def check(count: int, time: float) -> None:
     """Raises SceneError where so many panels would take too long."""
     if count > MOST:
         raise SceneError(
-            f"run.end_time: at t = {time:g} the start's waves have been folded so often that the closed form takes more than "
-            f"{MOST} panels a place; allowed: an earlier time"
+            f"run.end_time: at t = {time:g} so much has met that the closed form takes more than {MOST} panels of starting "
+            "points; allowed: an earlier time"
         )

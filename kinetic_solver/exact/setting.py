@@ -60,12 +60,22 @@ class Setting:
     @property
     def noiseless(self) -> bool:
         """True where a particle at (x, v) has one starting point."""
-        return self.spread.decay > 0 and self.place_variance < SMALLEST
+        return self.place_variance < SMALLEST
 
     @cached_property
     def coldest(self) -> float:
-        places = self.length * np.arange(LOOK) / LOOK
-        return min(float(initial.temperature(self.scene, places, theta).min()) for _, _, theta in self.beams)
+        """The least temperature of any beam at time 0."""
+        return min(theta * self._warmth[0] for _, _, theta in self.beams)
+
+    @cached_property
+    def hottest(self) -> float:
+        return max(theta * self._warmth[1] for _, _, theta in self.beams)
+
+    @cached_property
+    def _warmth(self) -> tuple[float, float]:
+        """The least and the largest temperature over a beam's own."""
+        over = initial.temperature(self.scene, self.length * np.arange(LOOK) / LOOK, 1.0)
+        return float(over.min()), float(over.max())
 
     @cached_property
     def _densities(self) -> Array:
@@ -114,6 +124,17 @@ class Setting:
         (_, first_u, first_theta), steep = self.beams[0], self.growth * self.spread.drift_time
         return steep * (steep * (theta - first_theta) / 2 - (u - first_u))
 
+    @cached_property
+    def base(self) -> float:
+        """The mean velocity of the first beam without modes where exp(Sρ̄y) moves it."""
+        (_, u, theta), k = self.beams[0], self.spread
+        return k.velocity_shift + u * k.decay - self.growth * float(self.covariance(np.asarray(theta))[1])
+
+    def apart(self, u: Array | float, theta: Array | float) -> Array | float:
+        """What others have over `base`."""
+        (_, first_u, first_theta), k = self.beams[0], self.spread
+        return k.decay * (u - first_u - self.growth * k.drift_time * (theta - first_theta))
+
     def logarithm(self, offset: Array, y: Array) -> Array:
         """SΦ0(y) less what `Mixture.log_scale` is without of log E; y = x - gravity's displacement - offset."""
         (_, u, theta), k = self.beams[0], self.spread
@@ -144,7 +165,7 @@ class Setting:
     @property
     def place_variance(self) -> float:
         """Of the starting point of a particle whose velocity now is known, whatever it was: from the noise alone."""
-        return self._place_spread / self.spread.decay**2 if self.spread.decay > 0 else math.inf
+        return self._place_spread / self.spread.decay**2 if self.spread.decay**2 > SMALLEST else math.inf
 
     @property
     def of_velocity(self) -> tuple[float, float]:

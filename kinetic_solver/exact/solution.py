@@ -25,10 +25,11 @@ from numpy.typing import ArrayLike
 
 from kinetic_solver import initial
 from kinetic_solver.arrays import Array
+from kinetic_solver.errors import SceneError
 from kinetic_solver.exact import nearby, uniform
 from kinetic_solver.exact.mixture import MANY, Mixture
 from kinetic_solver.exact.panels import Panels
-from kinetic_solver.exact.setting import Setting, jumps
+from kinetic_solver.exact.setting import SMALLEST, Setting, jumps
 from kinetic_solver.exact.varied import Varied
 from kinetic_solver.scene import Scene
 
@@ -44,6 +45,11 @@ class Solution:
         self.scene, self.time = scene, time
         self.setting = Setting(scene, time)
         self.beams, self.spread = self.setting.beams, self.setting.spread
+        if scene.model.noise == 0 and self.setting.coldest * self.spread.decay**2 < SMALLEST and not self.setting.at_start:
+            raise SceneError(
+                f"run.end_time: at t = {time:g} friction without noise has cooled the gas below what numbers can tell; "
+                "allowed: an earlier time, or model.noise above 0"
+            )
         self._varied = Varied(self.setting) if self.setting.varied and not self.setting.at_start else None
 
     def distribution(self, x: ArrayLike, v: ArrayLike) -> Array:

@@ -59,14 +59,14 @@ def _mixture(at: Setting, x: Array, nodes: list[Nodes]) -> Mixture:
         rho = initial.density(at.scene, y if inside is None else origin - (ahead + inside))
         logs.append(at.waves(y) + (at.tilt(u, theta) - zeta**2 / (2 * xx)))
         weights.append((rho, share * rule / math.sqrt(2 * math.pi * xx)))
-        means.append(k.velocity_shift + u * k.decay - growth * xv + xv / xx * zeta)
+        means.append(at.apart(u, theta) + xv / xx * zeta)
         variances.append(np.full(zeta.size, vv))
     log = np.concatenate(logs, axis=1)
     top = log.max(axis=1, keepdims=True)
     kernel = np.exp(log - top) * np.concatenate([np.broadcast_to(rule, rho.shape) for rho, rule in weights], axis=1)
     scale = kernel.sum(axis=1, keepdims=True)
     rho = np.concatenate([rho for rho, _ in weights], axis=1)
-    return Mixture(kernel * rho / scale, np.concatenate(means), np.concatenate(variances), (top + np.log(scale))[:, 0])
+    return Mixture(kernel * rho / scale, at.base, np.concatenate(means), np.concatenate(variances), (top + np.log(scale))[:, 0])
 
 
 def _reach(at: Setting, theta: float) -> tuple[float, float]:
@@ -86,7 +86,7 @@ def _even(at: Setting, beam: tuple[float, float, float], precise: bool) -> Nodes
     below, above = _reach(at, beam[2])
     spacing = at.spacing(beam[2], precise)
     first, last = -math.ceil(below / spacing), math.ceil(above / spacing)
-    check((last - first) // ORDER, at.time)
+    check(last - first, at.time)
     zeta = spacing * np.arange(first, last + 1)
     return zeta, np.full(zeta.size, spacing), None
 
@@ -101,7 +101,7 @@ def _between_jumps(at: Setting, place: float, beam: tuple[float, float, float], 
     # Taken from the place first: a place on a jump has it exactly there.
     at_jumps = place - jumps(at.scene, origin - above, origin + below) - k.displacement_shift - ahead
     even = max(1, math.ceil((below + above) / (10 * at.spacing(theta, precise))))
-    check(even, at.time)
+    check(ORDER * even, at.time)
     edges = np.concatenate([np.linspace(-below, above, even + 1), np.clip(at_jumps, -below, above)])
     panels = Panels.between(edges[None, :])
     return panels.nodes.ravel(), panels.weights.ravel(), np.repeat(panels.centre, ORDER)

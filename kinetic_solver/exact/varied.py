@@ -61,9 +61,15 @@ class Varied:
         far = SIGMAS * self.width + slack
         # Where most would come from if the first beam were all of it: exp(Sρ̄y) moves that ahead.
         self.origin = b * self.u0 - at.growth * (self.theta0 * b * b + k.displacement_variance)
-        # exp(SΦ0) favours dense places ahead, by at most its slope times the variance.
-        self.low = b * float(u.min()) - far - at.steepest * self.width**2 - self.origin
-        self.high = b * float(u.max()) + far - self.origin
+        # exp(SΦ0) favours dense places ahead, by at most its slope times the variance,
+        slow, fast = b * float(u.min() - self.u0), b * float(u.max() - self.u0)
+        self.low = slow - far - at.steepest * self.width**2 + at.growth * (self.theta0 * b * b + k.displacement_variance)
+        self.high = fast + far - self.origin + b * self.u0
+        # and by no more than it varies once the Gaussians have been moved.
+        cold, warm = (at.growth * b * b * float(extreme - self.theta0) for extreme in (theta.min(), theta.max()))
+        swing = at.swing + at.growth * (fast - slow + (warm - cold) / 2)
+        far = self.width * math.sqrt(SIGMAS**2 + 2 * swing) + slack
+        self.low, self.high = max(self.low, slow - warm - far), min(self.high, fast - cold + far)
         self._speed = k.decay * math.sqrt(float(theta.max())) + math.sqrt(k.velocity_variance) + k.decay * float(np.ptp(u))
 
     def count(self) -> float:
@@ -82,7 +88,7 @@ class Varied:
         def integrands(some: Panels) -> tuple[Array, NDArray[np.bool_]]:
             terms = self._terms(x[some.owner][:, None], some.nodes)
             weight = np.exp(terms.log - top[some.owner][:, None]) / np.sqrt(terms.xx) * self._density(x, some)
-            values = [weight, weight * ((terms.mean - at.spread.velocity_shift) / self._speed) ** 3]
+            values = [weight, weight * (terms.mean / self._speed) ** 3]
             if at.s:
                 values.append(self._arrived(x, some, terms, top))
             wide = np.zeros(some.size, dtype=bool)
@@ -104,6 +110,7 @@ class Varied:
             part = slice(ends[i], ends[i + 1])
             yield Mixture(
                 weight[part].reshape(1, -1) / scale[i],
+                at.base,
                 terms.mean[part].ravel(),
                 terms.variance[part].ravel(),
                 np.array([top[i] + math.log(scale[i])]),
@@ -117,7 +124,7 @@ class Varied:
         # d + Sρ̄X, d's distance from where exp(Sρ̄y) moves it, in which nothing large cancels
         moved = offset - k.drift_time * (u - self.u0 - at.growth * k.drift_time * (theta - self.theta0))
         log = at.waves(y) + at.tilt(u, theta) - moved**2 / (2 * xx)
-        mean = k.velocity_shift + u * k.decay - at.growth * xv + xv / xx * moved
+        mean = at.apart(u, theta) + xv / xx * moved
         return _Terms(y, log, moved - at.growth * xx, xx, mean, vv)
 
     def _density(self, x: Array, panels: Panels) -> Array:
@@ -158,14 +165,20 @@ class Varied:
             passed.append(panels.chosen(drop & (d > 0)))
             kept.append(panels.chosen(fine))
             panels = panels.chosen(~drop & ~fine).halved()
-        whole = np.zeros(x.size)
-        if at.s:  # ∫Sρ0 exp(SΦ0) dy between two points, and from far behind to the last
-            behind = np.full(x.size, self.high)
-            whole = np.exp(self._logarithm(origin, behind) - top)
+        whole: Array = np.zeros(x.size)
+        if at.s:
+            whole = self._integral_to(origin, np.full(x.size, self.high), top)
             gone = joined(passed)
-            near, far = (self._logarithm(origin[gone.owner], end) - top[gone.owner] for end in (gone.low, gone.high))
-            whole += np.bincount(gone.owner, -np.exp(near) * np.expm1(far - near), minlength=x.size)
+            near, far = (self._integral_to(origin[gone.owner], end, top[gone.owner]) for end in (gone.low, gone.high))
+            whole += np.bincount(gone.owner, near - far, minlength=x.size)
         return joined(kept), whole, top
+
+    def _integral_to(self, origin: Array, offset: Array, top: Array) -> Array:
+        """E's integral from far behind to a point, over exp(top), where the weight is negligible before it, by parts."""
+        from scipy.special import log_ndtr
+
+        terms = self._terms(origin + self.at.spread.displacement_shift + self.origin, offset)
+        return np.asarray(np.exp(self._logarithm(origin, offset) - top + log_ndtr(terms.d / np.sqrt(terms.xx))))
 
     def _logarithm(self, origin: Array, offset: Array) -> Array:
         """SΦ0, as `_Terms.log` has it."""
