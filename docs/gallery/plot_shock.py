@@ -24,11 +24,11 @@ shock = exact.shocks(scene, densities=[0.4, 2.0], positions=[0.0], times=[0.0], 
 
 figure = Figure(figsize=(10, 4), layout="constrained")
 left, right = figure.subplots(1, 2)
-shock["f"].plot(ax=left, x="x", rasterized=True, cmap="magma")
-left.set_title("f(x, v)")
+shock["f"].plot(ax=left, x="x", rasterized=True, cmap="magma", cbar_kwargs={"label": "f"})
+left.set(title="f(x, v)", xlabel="x", ylabel="v")
 for place, line in ((-0.6, "-"), (0.0, "--"), (0.6, ":")):
     at = shock["f"].sel(x=place, method="nearest")
     (at / at.integrate("v")).plot(ax=right, ls=line, lw=2, label=f"x = {place:g}")
-right.set(title="velocities at three places", ylabel="f/ρ")
-right.legend()
+right.set(title="velocities at three places", xlabel="v", ylabel="f/ρ", ylim=(0, 0.75))
+right.legend(loc="upper center", ncols=3, frameon=False)
 print("speed of the front:", shock.attrs["shock_speeds"])

@@ -150,7 +150,7 @@ def closure_summary(dataset: xr.Dataset) -> list[str]:
 def _panels(dataset: xr.Dataset) -> list[tuple[str, Array, Array]]:
     """(name, density over its mean (time, place), places)."""
     x, points = dataset["x"].values, dataset["point"].values
-    names = ("The paper's closure: 3 moments", f"{dataset.attrs['hierarchy_moments']} moments", "The kinetic equation (2)")
+    names = ("Paper's closure: 3 moments", f"{dataset.attrs['hierarchy_moments']} moments", "The kinetic equation (2)")
     fields = ("closure", "moments", "kinetic")
     found = [(name, dataset[field].values, x) for name, field in zip(names, fields, strict=True)]
     for count in dataset["count"].values:
@@ -184,7 +184,7 @@ def closure_figure(dataset: xr.Dataset) -> Figure:
             interpolation="bilinear",
         )
         place.set(xlim=(0, scene.pipe.length), ylim=(times[0], times[-1]), yticks=_whole(times))
-        place.set_title(name, fontsize=11, loc="left")
+        place.set_title(name, fontsize=10, loc="left")
         for side in ("top", "right"):
             place.spines[side].set_visible(False)
         if not whole.all():
@@ -224,10 +224,10 @@ def _contrasts(place: Any, dataset: xr.Dataset, panels: list[tuple[str, Array, A
     place.set(yscale="log", xlim=(times[0], times[-1]), ylim=(0.006, 0.5), xticks=_whole(times))
     plain_logs(place.yaxis)
     place.yaxis.tick_right()
-    place.set_title("Contrast of each over time", fontsize=11, loc="left")
+    place.set_title("Contrast: standard deviation/mean", fontsize=10, loc="left")
     for side in ("top", "left"):
         place.spines[side].set_visible(False)
-    place.legend(frameon=False, fontsize=8, loc="lower left", handlelength=1.8)
+    place.legend(frameon=False, fontsize=8, loc="lower left", bbox_to_anchor=(0, -0.02), handlelength=1.8, labelspacing=0.3)
 
 
 def save_closure_figure(dataset: xr.Dataset, path: str | Path) -> None:

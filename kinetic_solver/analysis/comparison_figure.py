@@ -20,8 +20,9 @@ SYSTEMATIC = "0.75"
 """Colour of the band in which the two may differ."""
 TINY = 0.02
 """Of the bound: smaller differences are drawn on a logarithmic scale."""
-BAND = "that bound and two standard errors: one point in twenty is beyond by chance"
-"""What the wider band is."""
+BOUND = "bound of the systematic part"
+BAND = "two standard errors more: one point in twenty is beyond by chance"
+"""What the two bands are."""
 NAMES = {
     "density": "density ρ",
     "mean_velocity": "mean velocity u",
@@ -73,22 +74,15 @@ def _differences(axes: Axes, row: Row) -> None:
         share = row.difference / row.bound
         if 0 < np.nanmax(np.abs(share)) < TINY:  # a straight line, else
             axes.semilogy(row.points, np.abs(share), ".", color=GREY, ms=4)
-            axes.axhline(1, color=SYSTEMATIC, lw=4, label="bound of the systematic part")
+            axes.axhline(1, color=SYSTEMATIC, lw=4, label=BOUND)
             axes.set_ylabel("|difference| over its bound", fontsize=8)
             return
-        axes.axhspan(-1, 1, color=SYSTEMATIC, zorder=0, label="bound of the systematic part")
+        axes.axhspan(-1, 1, color=SYSTEMATIC, zorder=0, label=BOUND)
         axes.plot(row.points, share, ".-", color=GREY, lw=0.8, ms=4)
         axes.set_ylabel("difference over its bound", fontsize=8)
         return
     allowed = row.bound / row.error
-    axes.fill_between(
-        row.points,
-        -2 - allowed,
-        2 + allowed,
-        color="0.9",
-        zorder=0,
-        label="that bound and two standard errors: one point in twenty is beyond by chance",
-    )
-    axes.fill_between(row.points, -allowed, allowed, color=SYSTEMATIC, zorder=0, label="bound of the systematic part")
+    axes.fill_between(row.points, -allowed, allowed, color=SYSTEMATIC, zorder=0.5, label=BOUND)
+    axes.fill_between(row.points, -2 - allowed, 2 + allowed, color="0.9", zorder=0, label=BAND)
     axes.plot(row.points, row.difference / row.error, ".-", color=GREY, lw=0.8, ms=4)
     axes.set_ylabel("difference, standard errors", fontsize=8)

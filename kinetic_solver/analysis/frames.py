@@ -5,6 +5,7 @@ They are read one by one: a file may hold many more than fit into memory.
 
 from __future__ import annotations
 
+import json
 import warnings
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -26,6 +27,15 @@ MOST_TIMES = 12
 """Times for which there is room on a picture."""
 FINE_X, FINE_V = 240, 400
 """Points at which a field of few points is drawn. Chosen: no corner is seen."""
+
+
+def refuse_sweep(dataset: xr.Dataset) -> None:
+    """Raises SceneError for the file of a sweep: a run's picture has no place for further dimensions."""
+    if "swept" in dataset.attrs:
+        raise SceneError(
+            f"the file is a sweep over {', '.join(json.loads(dataset.attrs['swept']))}; allowed: the file of one run. "
+            "Its points have such files in the folder points; xarray draws the sweep itself: ds['density'].std('x').plot()"
+        )
 
 
 def chosen_frames(dataset: xr.Dataset, name: str, times: Sequence[float] | None, count: int = 4) -> list[int]:
@@ -92,10 +102,12 @@ def fine_x(dataset: xr.Dataset, values: Array, axis: int) -> tuple[Array, Array]
     return np.append(x, x[0] + length), np.concatenate([values, values.take([0], axis=axis)], axis=axis)
 
 
-def fine_v(dataset: xr.Dataset, values: Array) -> tuple[Array, Array]:
-    """(v, values) along the last axis, on 400 points, by a cubic spline; of particles as they are."""
+def fine_v(dataset: xr.Dataset, values: Array, between: tuple[float, float] | None = None) -> tuple[Array, Array]:
+    """(v, values) along the last axis, on 400 points of the window or `between` two velocities of it, by a cubic spline; of
+    particles as they are."""
     v = dataset[velocity_axis(dataset)].values
-    if is_counted(dataset) or not 4 <= v.size < FINE_V:
+    low, high = between or (v[0], v[-1])
+    if is_counted(dataset) or v.size < 4 or np.count_nonzero((low <= v) & (v <= high)) >= FINE_V:
         return v, values
-    fine = np.linspace(v[0], v[-1], FINE_V)
+    fine = np.linspace(low, high, FINE_V)
     return fine, values @ through_splines(v, fine, degree=3).T

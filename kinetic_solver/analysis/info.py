@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from kinetic_solver.analysis.frames import refuse_sweep
 from kinetic_solver.analysis.titles import in_words
 from kinetic_solver.dataset import scene_of, velocity_axis
 
@@ -45,6 +46,7 @@ SAID = (
 
 def summary(dataset: xr.Dataset) -> list[str]:
     """Method, frames, status, invariants, budgets."""
+    refuse_sweep(dataset)
     a = dataset.attrs
     lines = [f"{a.get('method', '?')} run by {a.get('source', '?')}, {a.get('created', 'no date')}"]
     if "status" in dataset:

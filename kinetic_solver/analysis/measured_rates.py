@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from kinetic_solver.analysis.frames import refuse_sweep
 from kinetic_solver.arrays import Array
 from kinetic_solver.dataset import refuse_law, scene_of
 from kinetic_solver.errors import SceneError
@@ -46,8 +47,9 @@ def measured_rates(dataset: xr.Dataset, modes: int | Iterable[int] | None = None
     `uncertainty` of |s|: the fit's standard error (for particles with frames counted once per correlation time 1/|Re s|), plus
     the change when the window's first half is left out, plus the predicted error. NaN where a mode is at the noise, has too few
     frames, or is beyond the grid. Test: tests/linear_theory/test_measured_rates.py.
-    Raises SceneError where the dataset lacks the density or has one point in x.
+    Raises SceneError where the dataset lacks the density or has one point in x, and for a sweep.
     """
+    refuse_sweep(dataset)
     refuse_law(dataset)
     scene = scene_of(dataset)
     if "density" not in dataset or dataset.sizes["x"] < 3:
@@ -101,7 +103,7 @@ def mode_amplitudes(dataset: xr.Dataset) -> Complex:
     """c_n(t) = (1/L)∫ρ exp(-ikx) dx over the mean density, n = 0 … (nx - 1)//2, shape (time, modes)."""
     x, density = dataset["x"].values, dataset["density"].values
     n = np.arange((x.size - 1) // 2 + 1)
-    start = np.exp(-2j * np.pi * n * x[0] / (x.size * (x[1] - x[0])))
+    start = np.exp(-2j * np.pi * n * x[0] / scene_of(dataset).pipe.length)
     return np.fft.rfft(density, axis=1)[:, : n.size] * start / density.sum(axis=1)[:, None]
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from kinetic_solver.analysis.frames import frame_of, times_of
 from kinetic_solver.arrays import Array
-from kinetic_solver.dataset import scene_of
+from kinetic_solver.dataset import scene_of, velocity_axis
 from kinetic_solver.errors import SceneError
 from kinetic_solver.scene.cadence import SAME_TIME
 
@@ -49,7 +49,10 @@ class MovieFrames:
         """Times that are no further apart are one."""
         self.clock = every[np.append(True, np.diff(every) > self.same)]
         self.count = self.clock.size
-        self.v = np.asarray(dataset["v"].values, dtype=float) if dataset.sizes.get("v", 1) > 1 else None
+        over = velocity_axis(dataset)
+        self.scaled = over != "v"
+        """Whether velocities are those of a run that cools, w = (v - u)/s (dataset/scaled.py)."""
+        self.v = np.asarray(dataset[over].values, dtype=float) if dataset.sizes.get(over, 1) > 1 else None
         self._last: dict[str, tuple[int, Array]] = {}
         self._scales(look)
 

@@ -18,6 +18,7 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from kinetic_solver.analysis.drawing import BLUE, DASHES, GREY, ORANGE
 from kinetic_solver.analysis.frames import fine_v, fine_x, is_counted, some
 from kinetic_solver.analysis.movie_frames import MovieFrames
+from kinetic_solver.analysis.panels import SCALED_LABEL
 from kinetic_solver.analysis.titles import in_words, method_in_words, stopped_in_words
 from kinetic_solver.arrays import Array
 
@@ -44,13 +45,15 @@ class MovingPicture:
         """`figure` makes a figure, by default one without a display; `look` and errors as of `MovieFrames`."""
         self._of = MovieFrames(dataset, look)
         self.count = self._of.count
+        self._velocity = SCALED_LABEL if self._of.scaled else "velocity v"
         self.figure = (Figure if figure is None else figure)(figsize=SIZE, dpi=DPI)
         self.figure.set_layout_engine(ConstrainedLayoutEngine(rect=(0, 0, 1, 0.92)))  # above is room for two lines
         self._canvas = FigureCanvasAgg(self.figure) if figure is None else None
         self._updates: list[Callable[[int], None]] = []
         self._artists: list[Any] = []
         (self._over_x if self._of.with_x else self._homogeneous)()
-        said = [method_in_words(dataset).partition(";")[0], stopped_in_words(dataset)]
+        # What comes after the first semicolon is of the picture of a run, or too long for a movie.
+        said = [words.partition(";")[0] for words in (method_in_words(dataset), stopped_in_words(dataset))]
         above = f"{in_words(self._of.scene)}\n{'; '.join(filter(None, said))}"
         self.figure.text(0.012, 0.985, above, fontsize=8, color=GREY, va="top")
         self._clock()
@@ -112,7 +115,7 @@ class MovingPicture:
                 self._draw_f(below, corner)
             else:
                 self._draw_band(below)
-            below.set(xlabel="x", ylabel="velocity v", xlim=(0, self._of.length), ylim=self._of.speeds)
+            below.set(xlabel="x", ylabel=self._velocity, xlim=(0, self._of.length), ylim=self._of.speeds)
         if corner is not None:
             axes = self.figure.add_subplot(grid[1, 1], sharey=below)
             self._draw_w(axes, along_y=True)
@@ -154,7 +157,9 @@ class MovingPicture:
         style = {"origin": "lower", "aspect": "auto", "interpolation": between, "cmap": SHADES}
         image = axes.imshow(values, extent=extent, vmin=0, vmax=self._of.largest_f, **style)
         bar = corner.inset_axes((0.0, 0.82, 1.0, 0.12))
-        self.figure.colorbar(image, cax=bar, orientation="horizontal").set_label("f(x, v)", labelpad=1)
+        self.figure.colorbar(image, cax=bar, orientation="horizontal").set_label(
+            "s f(x, v)" if self._of.scaled else "f(x, v)", labelpad=1
+        )
         self._add(image, lambda n: image.set_data(map_of(n)[2]))
         self._say_other_time(axes, "f", "white")
 
@@ -190,12 +195,12 @@ class MovingPicture:
         fine, curve, _ = both(0)
         axes.plot(*place(fine, curve), color=GREY, lw=1, alpha=0.45, label="at the start")
         (line,) = axes.plot([], [], color=BLUE, lw=3, alpha=0.7, label="w(v)")
-        top = (0, 1.05 * self._of.largest_w)
+        top, label = (0, 1.05 * self._of.largest_w), "s w(v)" if self._of.scaled else "w(v)"
         if along_y:
-            axes.set(xlabel="w(v)", xlim=top, ylim=self._of.speeds)
+            axes.set(xlabel=label, xlim=top, ylim=self._of.speeds)
             axes.tick_params(labelleft=False)
         else:
-            axes.set(xlabel="velocity v", ylabel="w(v)", ylim=top, xlim=self._of.speeds)
+            axes.set(xlabel=self._velocity, ylabel=label, ylim=top, xlim=self._of.speeds)
         self._add(line, lambda n: line.set_data(*place(*both(n)[:2])))
         if not self._of.cut:  # else it is not known
             (gaussian,) = axes.plot([], [], color="k", lw=0.9, ls=DASHES, label="Gaussian, same moments")

@@ -39,8 +39,10 @@ BINS = 50
 """Bins of the density's histogram."""
 LEAST_COUNT = 2 * BINS
 """The fewest particles of which a histogram says anything: two to a bin."""
-OUT_OF_RANGE = "has left its range"
-"""What is said of linear theory beyond `LARGEST_CONTRAST`."""
+OUT_OF_RANGE = "too large"
+"""What is said of noise beyond `LARGEST_CONTRAST`: too large for linear theory."""
+TWO_DENSITIES = "homogeneous flow at the two densities seen"
+"""What `two_populations` are."""
 PARTICLES, EQUATION, GAUSSIAN, TWO = "0.8", BLUE, "#000000", ORANGE
 """Colours."""
 
@@ -224,8 +226,12 @@ def summary(dataset: xr.Dataset) -> list[str]:
         lines.append(f"t = {time:g}: ∫|w - …|dv: " + ", ".join(f"{name} {value:.3f}" for name, value in distances.items()))
     lines.append(f"(2) stays homogeneous: mean v {state.mean_velocity:.4g}, variance {state.temperature:.4g}")
     expected, independent = expected_contrast(scene), math.sqrt((BINS - 1) / scene.particles.count)
-    predicted = f"contrast {contrast_in_words(expected)}" if expected <= LARGEST_CONTRAST else OUT_OF_RANGE
-    lines.append(f"linear theory of noise: {predicted} (independent particles {independent:.3g})")
+    predicted = (
+        f"linear theory of noise: contrast {expected:.3g}"
+        if expected <= LARGEST_CONTRAST
+        else f"noise: {OUT_OF_RANGE} for linear theory"
+    )
+    lines.append(f"{predicted} (independent particles {independent:.3g})")
     return lines
 
 
@@ -245,7 +251,8 @@ def draw_snapshots(dataset: xr.Dataset) -> Figure:
         frame = dataset.sel(time=time)
         top.bar(frame["bin"], frame["density_histogram"], width, color=PARTICLES, label="particles, counted")
         top.axhline(1, color=EQUATION, lw=4, alpha=0.7, label="equation (2)")
-        top.set_title(f"t = {time:g}/γ" if time else "t = 0")
+        counted = float(frame["density_histogram"].std())
+        top.set_title(f"{f't = {time:g}/γ' if time else 't = 0'}: density contrast {counted:.2g}")
         top.set_xlim(0, scene.pipe.length)
         top.set_xlabel("x")
         bottom.bar(frame["v_bin"], frame["histogram"], dv, color=PARTICLES)
@@ -253,7 +260,14 @@ def draw_snapshots(dataset: xr.Dataset) -> Figure:
         bottom.plot(frame["v_bin"], frame["equation"], color=EQUATION, lw=4, alpha=0.7)
         bottom.plot(frame["v_bin"], frame["two_fitted"], color=TWO, lw=2, label="two populations, fitted")
         bottom.plot(frame["v_bin"], frame["gaussian"], color=GAUSSIAN, lw=1, ls=(0, (5, 3)), label="one Gaussian")
-        bottom.plot(frame["v_bin"], frame["two_populations"], color=GAUSSIAN, lw=1.2, ls=":", label="two of the densities seen")
+        bottom.plot(
+            frame["v_bin"],
+            frame["two_populations"],
+            color=GAUSSIAN,
+            lw=1.2,
+            ls=":",
+            label=TWO_DENSITIES,
+        )
         bottom.set_xlabel("v")
     axes[0, 0].set_ylabel("density over its mean")
     axes[1, 0].set_ylabel("w(v), per particle")
@@ -263,8 +277,8 @@ def draw_snapshots(dataset: xr.Dataset) -> Figure:
     axes[1, 0].set_ylim(top=1.08 * max(float(dataset[name].max()) for name in ("histogram", "equation", "two_fitted")))
     kind = "inelastic collisions, ε = 0.5" if scene.operator == INELASTIC else "follow-the-leader collisions"
     number, expected = scene.groups.collision_number, expected_contrast(scene)
-    predicted = f"linear theory of noise: density contrast {expected:.2g}"
+    predicted = f"linear theory of their noise: density contrast {expected:.2g}"
     if expected > LARGEST_CONTRAST:
-        predicted = f"linear theory of their noise {OUT_OF_RANGE}"
+        predicted = f"their noise is {OUT_OF_RANGE} for linear theory"
     figure.suptitle(f"{kind}, R* = {number:g}, {scene.particles.count} particles; {predicted}")
     return figure

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,7 +12,7 @@ from matplotlib.figure import Figure
 
 from kinetic_solver.analysis import panels
 from kinetic_solver.analysis.drawing import ORANGE, save
-from kinetic_solver.analysis.frames import chosen_frames, times_of
+from kinetic_solver.analysis.frames import chosen_frames, refuse_sweep, times_of
 from kinetic_solver.analysis.titles import in_words, method_in_words, stopped_in_words
 from kinetic_solver.arrays import Array
 from kinetic_solver.dataset import scene_of
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
     import xarray as xr
 
 W = "velocity_distribution"
+LETTERS = 11.0
+"""Of the title, to an inch of the picture's width."""
 
 
 def overview(dataset: xr.Dataset, times: Sequence[float] | None = None) -> Figure:
@@ -29,8 +32,9 @@ def overview(dataset: xr.Dataset, times: Sequence[float] | None = None) -> Figur
     By default there are four times: the first, the last, and those between which f changes equally; up to twelve may be given.
     A homogeneous run (nx = 1) shows mean velocity and temperature over time; a run without w(v) profiles of its density.
     Fields on a grid are drawn through its points, by the trigonometric interpolant in x and a cubic spline in v; particles as
-    they were counted, with bands of one standard error. Raises SceneError where the dataset lacks the fields.
+    they are in the file, with bands of one standard error. Raises SceneError where the dataset lacks the fields, and for a sweep.
     """
+    refuse_sweep(dataset)
     if "density" not in dataset:
         method = dataset.attrs.get("method", "unknown")
         raise SceneError(f"the file has no 'density' (method: {method}); allowed: a run with output.moments = true")
@@ -72,9 +76,9 @@ def _nearest(dataset: xr.Dataset, name: str, shown: Array) -> list[int]:
 def _title(figure: Figure, dataset: xr.Dataset) -> None:
     """The scene; the method and its grid; in colour, what a reader must know before the picture is believed."""
     said = [in_words(scene_of(dataset)), method_in_words(dataset)]
-    warned = [stopped] if (stopped := stopped_in_words(dataset)) else []
+    warned = ["\n".join(textwrap.wrap(stopped_in_words(dataset), int(LETTERS * figure.get_figwidth())))]
     if dataset.sizes["x"] > 1 and panels.are_beads(dataset):
         warned.append("fronts move far between frames, which the map shows as beads: a smaller run.output_every shows them move")
     figure.suptitle("\n".join(said), fontsize=11)
-    if warned:
-        figure.supxlabel("; ".join(warned), fontsize=11, color=ORANGE)
+    if any(warned):
+        figure.supxlabel("\n".join(filter(None, warned)), fontsize=11, color=ORANGE)

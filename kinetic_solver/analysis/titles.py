@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from kinetic_solver.analysis.frames import times_of
-from kinetic_solver.dataset import STOPPED, scene_of
+from kinetic_solver.dataset import STOPPED, scene_of, velocity_axis
 from kinetic_solver.scene import INELASTIC, Scene
 
 if TYPE_CHECKING:
@@ -35,25 +35,30 @@ def method_in_words(dataset: xr.Dataset) -> str:
     method = str(attrs.get("method", "unknown"))
     if method.startswith("particles"):
         return _of_particles(dataset, method)
-    used = str(attrs.get("grids", "")).splitlines()
-    points, _, window = (used[-1].partition(": ")[2] if used else "").partition(" on ")
+    # t = 0: 25 × 112 on [-5, 5]; t = 4.7: 25 × 168 on [-5, 5]
+    used = [grid.partition(": ")[2].partition(" on ") for grid in str(attrs.get("grids", "")).split("; ")]
+    points, _, window = used[0]
+    if used[-1] != used[0]:
+        points, window = f"{points} points, at last {used[-1][0]}", used[-1][2]
     said = f"method {method}"
     if method == "grid":
         said += f", rtol = {scene_of(dataset).accuracy.rtol:g}"
     if method == "hydrodynamics":
         points = str(attrs.get("points", dataset.sizes["x"]))
     if window:
-        said += f": solved on {points} points, velocities {window}; drawn where f is not small"
+        kind = "velocities" if velocity_axis(dataset) == "v" else "scaled velocities"
+        said += f": solved on {points} points, {kind} {window}; axes of v end where f is 0.2 % of its maximum"
     elif points:
         said += f": {points} points"
     return said
 
 
 def stopped_in_words(dataset: xr.Dataset) -> str:
-    """When a run stopped that was to go on; empty for all others."""
+    """When a run stopped that was to go on, and why; empty for all others."""
     if "status" not in dataset or int(dataset["status"]) != STOPPED:
         return ""
-    return f"stopped at t = {times_of(dataset, 'density')[-1]:.4g} of {scene_of(dataset).run.end_time:g}"
+    when = f"stopped at t = {times_of(dataset, 'density')[-1]:.4g} of {scene_of(dataset).run.end_time:g}"
+    return f"{when}; {reason}" if (reason := str(dataset.attrs.get("stopped", ""))) else when
 
 
 def _of_particles(dataset: xr.Dataset, method: str) -> str:

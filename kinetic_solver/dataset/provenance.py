@@ -26,6 +26,11 @@ def _version(package: str) -> str:
     return found[1] if found is not None else metadata.version(package)
 
 
+@functools.cache
+def _packages() -> str:
+    return json.dumps({name: _version(name) for name in PACKAGES})
+
+
 def version() -> str:
     """Of this software."""
     return _version("kinetic-solver")
@@ -44,7 +49,7 @@ def attributes(scene: Scene, method: str) -> dict[str, str | np.int32]:
         "command": command,
         # In a classic file, which has no longer whole numbers: a longer seed as text.
         "seed": np.int32(seed) if (seed := scene.particles.seed) < 2**31 else str(seed),
-        "packages": json.dumps({name: _version(name) for name in PACKAGES}),
+        "packages": _packages(),
         "created": created,
         "history": f"{created} {command}",
     }

@@ -99,11 +99,15 @@ class LinearStep:
         return _LinearTable(kernel_t, before, after)
 
     def __call__(self, f: Array, h: float) -> Array:
-        table = self._tables.get(h, self._table)
         if self._transform is None:
-            return f @ table.kernel_t
-        spectrum = self._transform.forward(f)
-        spectrum *= table.before
+            return f @ self._tables.get(h, self._table).kernel_t
+        return self.of_waves(self._transform.forward(f), h)
+
+    def of_waves(self, waves: NDArray[np.complex128], h: float) -> Array:
+        """The same of an f whose Fourier modes along x are known, (nx//2 + 1, nv)."""
+        assert self._transform is not None
+        table = self._tables.get(h, self._table)
+        spectrum = np.multiply(waves, table.before, out=self._transform.spectrum)
         # K is real, and the same at every x: it acts on the real and imaginary parts of the waves, rows of one real matrix. That
         # costs what it does in x-space, and no transform there and back.
         moved = np.concatenate([spectrum.real, spectrum.imag]) @ table.kernel_t

@@ -68,23 +68,38 @@ class PhiTables:
         return self._kept[key]
 
     def _taylor(self, h: float) -> Functions:
-        z, one = self.matrices * h, np.eye(self.matrices.shape[-1])
+        z = self.matrices * h
         square = z @ z
-        powers = (one, z, square, square @ z)
-        fourth: Matrices = square @ square
-        third: Any = np.zeros_like(z)
+        powers, fourth = (z, square, square @ z), square @ square
+        diagonal = np.arange(z.shape[-1])
+        third: Any = None
         for n in range(DEGREE - 3, -1, -4):
-            part = sum(power / math.factorial(n + m + 3) for m, power in enumerate(powers))
-            third = (fourth @ third if n < DEGREE - 3 else third) + part
-        second = z @ third + one / 2
-        first = z @ second + one
-        return z @ first + one, first, second, third
+            part = z / math.factorial(n + 4)
+            part[:, diagonal, diagonal] += 1 / math.factorial(n + 3)
+            for m, power in enumerate(powers[1:], 2):
+                part += power / math.factorial(n + m + 3)
+            if third is not None:
+                part += fourth @ third
+            third = part
+        second = z @ third
+        second[:, diagonal, diagonal] += 1 / 2
+        first = z @ second
+        first[:, diagonal, diagonal] += 1
+        exponential = z @ first
+        exponential[:, diagonal, diagonal] += 1
+        return exponential, first, second, third
 
     def _doubled(self, mantissa: float, exponent: int) -> Functions:
         exponential, first, second, third = self._get(mantissa, exponent - 1)
-        return (
-            exponential @ exponential,
-            (exponential @ first + first) / 2,
-            (exponential @ second + first + second) / 4,
-            (exponential @ third + first / 2 + second + third) / 8,
-        )
+        # In place: passes over memory cost more than products of small matrices.
+        one, two, three = exponential @ first, exponential @ second, exponential @ third
+        one += first
+        one /= 2
+        two += first
+        two += second
+        two /= 4
+        three += first / 2
+        three += second
+        three += third
+        three /= 8
+        return exponential @ exponential, one, two, three

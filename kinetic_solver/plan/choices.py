@@ -17,6 +17,7 @@ from kinetic_solver.operators.velocity.kernel import resolved_spacing
 from kinetic_solver.plan import in_t, in_v, in_x, measured
 from kinetic_solver.plan.cooling import cooling_frame
 from kinetic_solver.plan.criterion import strictest
+from kinetic_solver.plan.edges import longest_bounded_step
 from kinetic_solver.plan.moving_frame import ReferenceFrame
 from kinetic_solver.plan.scales import Scales
 from kinetic_solver.plan.waves import Waves
@@ -175,12 +176,12 @@ def deposit(scales: Scales) -> tuple[Deposit | None, str | None]:
 
 
 def time_step(
-    scales: Scales, waves: Waves, stepping: SteppingScheme, velocity: VelocityScheme, width: float
+    scales: Scales, waves: Waves, stepping: SteppingScheme, velocity: VelocityScheme, window: tuple[float, float]
 ) -> tuple[float | None, str | None]:
-    """The longest step (None: from time 0 to each frame), and the reason where it was not given; `width` is the window's."""
+    """The longest step (None: from time 0 to each frame), and the reason where it was not given."""
     scene, given = scales.scene, scales.scene.grid.time_step
     if stepping == "exact":
-        return _exact_step(scales, waves, velocity, width)
+        return _exact_step(scales, waves, velocity, window)
     if given:
         return given, None
     if stepping == "strang":
@@ -193,16 +194,23 @@ def time_step(
     return found.value, "error control; at most " + found.reason
 
 
-def _exact_step(scales: Scales, waves: Waves, velocity: VelocityScheme, width: float) -> tuple[float | None, str | None]:
+def _exact_step(
+    scales: Scales, waves: Waves, velocity: VelocityScheme, window: tuple[float, float]
+) -> tuple[float | None, str | None]:
     """From link to link: of the run's length, whatever the frames."""
     scene, given = scales.scene, scales.scene.grid.time_step
     collide = scales.law is not None
-    farthest = in_t.filling(scales, in_t.farthest_exact_step(scales)) if collide else scales.end
+    farthest, (low, high) = scales.end, window
+    if collide:
+        farthest = in_t.farthest_exact_step(scales)
+        if velocity == "points":
+            farthest = longest_bounded_step(scales, low, high, farthest)
+        farthest = in_t.filling(scales, farthest)
     if collide and given:
         return in_t.filling(scales, min(given, farthest)), None
     cheapest = farthest
     if velocity == "points" and scene.grid.nv is None:
-        cheapest = cheapest_exact_step(scales, waves, width, farthest)
+        cheapest = cheapest_exact_step(scales, waves, high - low, farthest)
     if not collide and cheapest == scales.end:
         return None, None
     return cheapest, "exact; " + (

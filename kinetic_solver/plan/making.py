@@ -102,7 +102,7 @@ def _make_plan(scene: Scene, known: Mapping[str, str], law: CollisionLaw | None,
     low, high = inner.grid.velocity_window or _window(scales, chosen)
     deposit, chosen["deposit"] = choices.deposit(scales)
     drift_diffusion = choices.drift_diffusion(scales, waves)
-    time_step, chosen["time_step"] = choices.time_step(scales, waves, stepping, velocity, high - low)
+    time_step, chosen["time_step"] = choices.time_step(scales, waves, stepping, velocity, (low, high))
     # Steps under error control begin with this one, and while waves are to be moved they stay about as short.
     step = time_step if inner.grid.time_step or time_step is None else min(time_step, in_t.first_step(scales, waves))
     shown = _velocities(scales, waves, velocity, in_v.Schemes(stepping, drift_diffusion, deposit, step), high - low)

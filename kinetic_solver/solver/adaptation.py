@@ -16,6 +16,7 @@ from kinetic_solver.errors import SceneError
 from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.operators.moments import moments
 from kinetic_solver.plan import Plan, check_memory, in_t, in_v, in_x
+from kinetic_solver.plan.edges import bounded
 from kinetic_solver.plan.mixing import mixing
 from kinetic_solver.solver.estimate import enough_velocities, shortest_of
 from kinetic_solver.solver.monitor import SHARE, Problem, Quantity, amplified, amplified_waves, folds, free
@@ -97,8 +98,10 @@ def enlarged(plan: Plan, problem: Problem, history: History, exact: bool) -> Cha
     return Change(larger, history)
 
 
-def shrunk(seen: Observation, history: History) -> Change | None:
-    """A grid that would still hold f, where it is worth going over to it. What was once too small is not made smaller."""
+def shrunk(fitting: tuple[Observation, ...], history: History) -> Change | None:
+    """A grid that would still hold f, and what else is to fit on it, where it is worth going over to it. `fitting` is that, the
+    present first. What was once too small is not made smaller."""
+    seen = fitting[0]
     plan, grid, rtol, f = seen.plan, seen.grid, seen.plan.inner.accuracy.rtol, seen.f
     left = float(plan.times[-1]) - seen.clock
     length = plan.time_step if seen.scheme.exact and plan.time_step is not None else seen.length
@@ -107,16 +110,18 @@ def shrunk(seen: Observation, history: History) -> Change | None:
     tried = {what for what, _ in history.tried}
     new = grid
     if free(plan, "nx") and "nx" not in tried:
-        waves = int(np.flatnonzero(amplified_waves(seen) > rtol / LOST_WAVES)[-1])
+        waves = max(int(np.flatnonzero(amplified_waves(each) > rtol / LOST_WAVES)[-1]) for each in fitting)
         nx = in_x.points_from_now_on(plan.scales, plan.waves, waves, f.sum(axis=1) * grid.dv)
         new = dataclasses.replace(new, nx=min(grid.nx, nx))
     if free(plan, "low") and not tried & {"low", "high"}:
-        held = np.flatnonzero(amplified(seen) > rtol / LOST_EDGE * f.max())
+        held = np.concatenate([np.flatnonzero(amplified(each) > rtol / LOST_EDGE * each.f.max()) for each in fitting])
         m = moments(grid, f)
         low, high = in_v.window_from_now_on(plan.scales, m.mean_velocity, m.temperature, left)
         needed = np.searchsorted(grid.faces, [low, high])
-        first, last = max(0, min(held[0], needed[0] - 1)), min(grid.nv, max(held[-1] + 1, needed[1]))
-        new = dataclasses.replace(new, nv=last - first, low=grid.faces[first], high=grid.faces[last])
+        first, last = max(0, min(held.min(), needed[0] - 1)), min(grid.nv, max(held.max() + 1, needed[1]))
+        low, high = grid.faces[first], grid.faces[last]
+        if not seen.scheme.exact or plan.time_step is None or bounded(plan.scales, low, high, plan.time_step):
+            new = dataclasses.replace(new, nv=last - first, low=low, high=high)
     if free(plan, "nv") and not seen.scheme.exact and plan.velocity != "hermite" and "nv" not in tried:
         nv = max(enough_velocities(seen), _for_mixing(seen, left))
         new = dataclasses.replace(new, nv=min(new.nv, max(16, math.ceil(new.nv * nv / grid.nv))))

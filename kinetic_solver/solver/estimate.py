@@ -17,10 +17,11 @@ from kinetic_solver.operators.velocity.kernel import resolution, resolved_spacin
 from kinetic_solver.plan import Plan, in_t, in_v, in_x, measured
 from kinetic_solver.rounding import rounded
 from kinetic_solver.scene import Model
-from kinetic_solver.solver.cut_off import CutOff, cut_off
+from kinetic_solver.solver.cut_off import CutOff, cut_off, of_what_stays
 from kinetic_solver.solver.kernel_error import Spectrum, kernel_error, spectrum_of
 from kinetic_solver.solver.observation import Observation
 from kinetic_solver.solver.regrid import resize
+from kinetic_solver.solver.scheme import adding
 from kinetic_solver.theory.ornstein_uhlenbeck import transition
 
 PARTS = {
@@ -45,7 +46,8 @@ class ErrorEstimate:
       difference that twice the points make to the collision rate, times how long it acts; with finite volumes their rule; in
       Hermite functions the last coefficients.
     - rounding: by how much (6) may amplify it where f spans so many decades that it is stepped in the local gauge.
-    - window: f at its edges, amplified as (6) does until the end, or what is left of that which they cut off the start.
+    - window: f at its edges, amplified as (6) does until the end, or what is left of that which they cut off the start; and what
+      exact steps of (6) keep within it.
 
     Held against true errors in tests/convergence/test_estimate.py.
     """
@@ -53,9 +55,7 @@ class ErrorEstimate:
     def __init__(self, plan: Plan) -> None:
         scales = plan.scales
         self._of_steps = 0.0
-        model = plan.inner.model
         self._amplified = in_t.amplified_error(scales)
-        self._sums = scales.amplifies or model.friction <= 0 or model.noise == 0  # scheme.adding
         if plan.stepping == "strang" and plan.time_step is not None:
             self._of_steps = in_t.strang_error(scales, plan.waves, plan.time_step)
         self._lost = plan.waves.beyond(plan.grid.nx) + in_x.error_of_step_products(scales, plan.waves, plan.grid.nx)
@@ -66,9 +66,8 @@ class ErrorEstimate:
     def step(self, seen: Observation) -> None:
         """A step has ended, with an estimate of its own error."""
         if seen.plan.stepping in ("extrapolated", "exponential", "homogeneous"):
-            kept = math.exp(-seen.length / seen.plan.memory_time) * self._of_steps
             error = self._amplified * seen.error / float(np.abs(seen.f).max())
-            self._of_steps = kept + error if self._sums else math.hypot(kept, error)
+            self._of_steps = added_up(seen.plan, self._of_steps, seen.length, error)
 
     def parts(self, seen: Observation, diagnostics: dict[str, float]) -> dict[str, float]:
         """All parts, and `error_estimate`, their sum."""
@@ -78,7 +77,7 @@ class ErrorEstimate:
         now = {
             "error_x": _of_x(seen, diagnostics, self._lost * seen.plan.scales.rho_max / float(seen.moments.density.max())),
             "error_v": _of_v(seen) + (0.0 if self._start is None else kernel_error(seen, self._start)),
-            "error_window": self._of_window(seen, diagnostics),
+            "error_window": self._of_window(seen, diagnostics) + of_what_stays(seen),
             "error_rounding": _of_rounding(seen),
         }
         self._parts = {name: max(self._parts[name], now.get(name, 0.0)) for name in PARTS}
@@ -108,6 +107,13 @@ class ErrorEstimate:
         """The largest part, in words."""
         name = max(self._parts, key=lambda part: self._parts[part])
         return f"{PARTS[name]}: {self._parts[name]:.2g} of max f"
+
+
+def added_up(plan: Plan, before: float, length: float, error: float) -> float:
+    """What the errors of steps come to after one more, of this length and error: what was before is forgotten meanwhile, and
+    errors add up as in scheme.adding."""
+    kept = math.exp(-length / plan.memory_time) * before
+    return kept + error if adding(plan) == 1 else math.hypot(kept, error)
 
 
 def _of_x(seen: Observation, diagnostics: dict[str, float], lost: float) -> float:

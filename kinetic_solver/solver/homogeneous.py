@@ -92,7 +92,8 @@ class HomogeneousSteps:
                 waves, edges = math.inf, 0.0  # F that its points do not hold may grow beyond all bounds
             if waves <= self.held and edges <= self.ends:
                 return self._taken(shape, y[-1], (begun, end), (start, interval))
-            half = shape.half * (WIDER if edges > self.ends else 1.0)
+            # Waves that are not held reach the edges, too: a wider window would not mend that.
+            half = shape.half * (WIDER if edges > max(self.ends, ENDS * waves) else 1.0)
             more = half / shape.half * (FINER if waves > self.held else 1.0)
             shape = shape.on(half, 2 * math.ceil(more * shape.count / 2) + 1)
         raise LostAccuracy(f"{shape.count} points do not hold the velocity distribution")

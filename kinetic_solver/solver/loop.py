@@ -169,8 +169,8 @@ class March:
         if judgement.problem is not None:
             return judgement.problem
         self.diagnostics, self.judged = judgement.diagnostics, True
-        if self.scheme.exact:
-            self.estimate.parts(seen, self.diagnostics)  # links are the same whatever the frames
+        if self.scheme.exact:  # links are the same whatever the frames
+            self.diagnostics = {**self.diagnostics, **self.estimate.parts(seen, self.diagnostics)}
         return self._smaller() if clock < end else None
 
     def _stalled(self, found: Stalled) -> Problem | None:
@@ -188,15 +188,20 @@ class March:
     def _smaller(self) -> Change | None:
         """Asked within an interval, of a state that was judged good. Exact steps build on their chain, not on what is seen: they
         go back to the interval's start, and are carried over only once the chain has begun."""
-        if self.scheme.exact:
+        fitting: tuple[Observation, ...]
+        if isinstance(self.scheme.stepper, ExactSteps):
             if not self.memory.begun:
                 return None
             self.looks += 1
             if self.looks % CHECK_EVERY != 1:
                 return None
+            # From the link before the last one, too, later times are reached: it must fit on the smaller grid.
+            before = self.memory.links[1]
+            fitting = (self.now, Observation.of(self.scheme, before.time, self.scheme.stepper.exact.lower(before.lifted)))
         else:
             self.good = self._good()
-        smaller = adaptation.shrunk(self.now, self.history)
+            fitting = (self.now,)
+        smaller = adaptation.shrunk(fitting, self.history)
         if smaller is not None:
             self.good = self._good()
         return smaller
@@ -272,8 +277,9 @@ class March:
     # -- what the run says
 
     def _write(self, frame: int, shown: np.ndarray | None = None) -> None:
-        parts = self.estimate.parts(self.now, self.diagnostics)
-        self.writer.write(frame, self.now, {**self.diagnostics, **parts}, shown)
+        if frame == 0 or not self.scheme.exact:
+            self.diagnostics = {**self.diagnostics, **self.estimate.parts(self.now, self.diagnostics)}
+        self.writer.write(frame, self.now, self.diagnostics, shown)
         self.frame = frame
         if frame + 1 < len(self.scheme.plan.times):
             self._after_step(self)

@@ -69,6 +69,7 @@ class _Loss:
     given: bool
     """Whether `[grid]` gives it: then it is warned of, not mended."""
     text: str
+    """What happened, with "{}" for the value, and after a semicolon what to change."""
 
 
 def free(plan: Plan, what: Quantity) -> bool:
@@ -146,7 +147,7 @@ class Monitor:
             edge,
             max(low, high),
             given.velocity_window is not None,
-            f"f at the {'lower' if low > high else 'upper'} edge of the velocity window spoils {max(low, high):.2g} of max f; "
+            f"f at the {'lower' if low > high else 'upper'} edge of the velocity window spoils {{}} of max f; "
             "widen grid.velocity_window",
         )
         if seen.clock < self._smooth_from:
@@ -161,7 +162,7 @@ class Monitor:
             finer[0],
             -values["minimum_of_f"],
             any(getattr(given, name) is not None for name in finer),
-            f"f has become negative by {-values['minimum_of_f']:.2g} of its maximum; "
+            "f has become negative by {} of its maximum; "
             + ("shorten grid.time_step, or " if given.time_step is not None and plan.deposit else "")
             + "raise "
             + " and ".join(f"grid.{name}" for name in finer),
@@ -170,21 +171,21 @@ class Monitor:
             "nx",
             values["spectral_tail"],
             given.nx is not None,
-            f"the shortest waves in x carry {values['spectral_tail']:.2g} of f; raise grid.nx",
+            "the shortest waves in x carry {} of f; raise grid.nx",
         )
         yield _Loss(
             "nx",
             values["density_defect"],
             given.nx is not None,
-            "x is not resolved: the linearised step of follow-the-leader collisions contradicts itself by "
-            f"{values['density_defect']:.2g} of the density; raise grid.nx",
+            "x is not resolved: the linearised step of follow-the-leader collisions contradicts itself by {} of the density; "
+            "raise grid.nx",
         )
 
     def _bounded(self, loss: _Loss, seen: Observation, share: float) -> Problem | None:
         rtol = seen.plan.inner.accuracy.rtol
         if loss.value <= (1.0 if loss.given else share) * rtol:
             return None
-        text = f"{loss.text} ({seen.plan.tolerance})"
+        text = f"{loss.text.format(f'{loss.value:.2g}')} ({seen.plan.tolerance})"
         if not loss.given:
             return Problem(loss.what, loss.value, _when(seen), text)
         remedy = loss.text.split(";")[1]

@@ -99,7 +99,7 @@ class Observation:
         """Likewise in v, (nv//2 + 1,)."""
         return relative_amplitudes(self.f, axis=1)
 
-    @property
+    @functools.cached_property
     def totals(self) -> tuple[float, float, float]:
         """(mass, momentum, energy), in the frame of reference."""
         return self.scheme.representation.totals(self.state)

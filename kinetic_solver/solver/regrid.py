@@ -67,6 +67,7 @@ class ToOutput:
 
     def __init__(self, source: PhaseSpaceGrid, target: PhaseSpaceGrid) -> None:
         self.source, self.target = source, target
+        self._same_velocities = dataclasses.replace(source, nx=target.nx) == target
         self._matrix: tuple[tuple[float, float], Array] | None = None
         """The last that was used, and the velocity and scale of its place: a frame asks twice, and one at rest has but one."""
 
@@ -76,7 +77,7 @@ class ToOutput:
         return self._along_v(self.along_x(f, place), place)
 
     def _along_v(self, f: Array, place: Place) -> Array:
-        if dataclasses.replace(self.source, nx=self.target.nx) == self.target and place.velocity == 0 and place.scale == 1:
+        if self._same_velocities and place.velocity == 0 and place.scale == 1:
             return f
         w = (self.target.v - place.velocity) / place.scale
         inside = (w > self.source.low) & (w < self.source.high)

@@ -43,9 +43,6 @@ that the plan's points are among them. The kernel's width goes as the square roo
 RELAXED = (1.0, 10.0)
 """(a, b): the longest exponential step is a/γ, or b rtol/(γ δ²) at the distance δ max f from the homogeneous state, if longer. Of
 longer ones estimates see too little: without this bound Sρ = 10, t = 20/γ erred by 0.9 rtol (1e-4), with it by less than 0.2."""
-NEARLY_ELASTIC = 1e-6
-"""1 - ε² below which collisions count as doing that much. Chosen. For ε = 0.999, Sρ = 10 θ erred by 1.7 rtol (1e-6) where the
-estimate did not know of it."""
 STRANG_COUNTS, LAWSON_COUNTS = (1, 2, 3, 4), (1, 2)
 """Steps of the base method that are extrapolated: to order 8, and to order 5. Why these: docs/performance.md."""
 
@@ -133,10 +130,8 @@ def _method(plan: Plan, representation: Representation) -> Embedded | Extrapolat
     if not plan.scales.of_pairs or law is None:
         return _extrapolated(plan, representation)
     if plan.stepping == "exponential":
-        # Signs and error are both proportional to what collisions do, of which the estimate takes the power 5/4.
-        weak = max(law.dissipation, NEARLY_ELASTIC) ** -0.25
-        return Embedded(krogstad(_rate(plan), relaxation(plan)), weak * measured.EXPONENTIAL_GAIN, _size(plan))
-    return Embedded(embedded_lawson(representation.rate, representation.linear), measured.LAWSON_GAIN, _size(plan))
+        return Embedded(krogstad(_rate(plan), relaxation(plan)), measured.EXPONENTIAL_SIGNS, _size(plan))
+    return Embedded(embedded_lawson(representation.rate, representation.linear), measured.LAWSON_SIGNS, _size(plan))
 
 
 def _size(plan: Plan) -> Callable[[Array, Array], float]:

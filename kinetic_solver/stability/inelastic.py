@@ -42,10 +42,10 @@ def inelastic_flow(restitution: float, collision_number: float) -> InelasticFlow
 
 
 @functools.lru_cache(maxsize=64)
-@with_one_blas_thread
 def rough_temperature(restitution: float, collision_number: float) -> float:
     """θ_h alone, to 1e-7."""
-    return _Discretisation(restitution, collision_number, *ROUGH).temperature
+    with one_blas_thread(with_scipy=False):
+        return _Discretisation(restitution, collision_number, *ROUGH).temperature
 
 
 class InelasticFlow:

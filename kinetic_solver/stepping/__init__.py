@@ -9,7 +9,7 @@ and `ExactSteps`; `integrate` is for systems of ordinary differential equations.
 from kinetic_solver.stepping.controlled import Controlled, Fixed, Pace
 from kinetic_solver.stepping.differential import integrate
 from kinetic_solver.stepping.drive import advance
-from kinetic_solver.stepping.embedded import Embedded, OneStep, embedded_lawson, largest
+from kinetic_solver.stepping.embedded import Embedded, OneStep, Signs, embedded_lawson, largest
 from kinetic_solver.stepping.exact_steps import Chain, ExactStep, ExactSteps, Link, Plain
 from kinetic_solver.stepping.exponential import krogstad
 from kinetic_solver.stepping.methods import Extrapolated, lawson, strang
@@ -30,6 +30,7 @@ __all__ = [
     "Pace",
     "Plain",
     "Rate",
+    "Signs",
     "Stalled",
     "Step",
     "Stepper",

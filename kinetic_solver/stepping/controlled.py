@@ -17,7 +17,7 @@ DEEPEST = 20
 """Halvings of an interval: 10⁶ steps in it, beyond which error control gives up."""
 WHOLE = 3 * 2**DEEPEST
 """An interval, in the units of which places and lengths are multiples: exact."""
-MARGIN = 0.6
+MARGIN = 0.8
 """Of the error allowed to a longer step, below which the next step is that long. It spares rejections."""
 CAUTION = 0.9
 """Of the length that should do, what is tried after a rejection."""

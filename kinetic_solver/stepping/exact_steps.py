@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 import warnings
 from collections.abc import Callable, Sequence
@@ -135,10 +134,10 @@ class ExactSteps:
         if start + interval - after < SAME * after:
             elapsed = interval
         time = start + elapsed
-        chain = memory
-        if time > after * (1 - SAME) and self._far_enough(time, memory.links[0]):
-            lifted, f = self._from(memory.links[0], time)
-            chain = Chain((Link(time, lifted), memory.links[0]), time)
+        links = memory.links
+        if time > after * (1 - SAME) and self._far_enough(time, links[0]):
+            lifted, f = self._from(links[0], time)
+            links = (Link(time, lifted), links[0])
         else:
             f = self._at(memory, time)
         return Step(
@@ -146,11 +145,11 @@ class ExactSteps:
             elapsed,
             time - memory.time,
             0.0,
-            dataclasses.replace(chain, time=time),
+            Chain(links, time),
             within=lambda t: self._at(memory, start + t),
             moments=lambda times: self._moments_at(memory, [start + t for t in times]),
             stretch=(before - start, after - start),
-            side=chain is memory,
+            side=links is memory.links,
         )
 
     def _around(self, time: float) -> tuple[float, float]:

@@ -73,7 +73,7 @@ def krogstad(rate: Rate, linear: LinearPart) -> OneStep:
         new = linear.inverse(linear.moved(c + h * _product(phi2, middle - 2 * n1) + bend, h))
         last = rate(new)
         lower = LATER * h * curved(linear.moved(linear.remainder(new, last), -h) - n4)
-        return Taken(new, last, linear.inverse(lower), linear.inverse(bend))
+        return Taken(new, last, linear.inverse(lower), linear.inverse(bend), linear.inverse(h * n4))
 
     return one
 

@@ -17,6 +17,7 @@ operators/collisions share nothing with it. Tests: tests/linear_theory/test_inel
 
 from __future__ import annotations
 
+import functools
 import math
 
 import numpy as np
@@ -25,6 +26,9 @@ from numpy.typing import NDArray
 from kinetic_solver.arrays import Array
 
 Complex = NDArray[np.complex128]
+RULE = 32
+"""Nodes of a rule of Gauss and Legendre are a multiple of so many: finding them costs as much as all else of a state, and states
+of other temperatures, or another scene's, then find them done. Chosen."""
 
 
 class CollisionsInWaves:
@@ -49,7 +53,7 @@ class CollisionsInWaves:
     def _change(self, alpha: float) -> Array:
         """D(n, l), (count, count)."""
         # The integrand has no wave shorter than those of l and of n/2 together; a rule of n points is exact to degree 2n - 1.
-        nodes, weights = np.polynomial.legendre.leggauss(math.ceil(1.3 * self.count) + 30)
+        nodes, weights = _gauss_legendre(RULE * math.ceil((1.3 * self.count + 30) / RULE))
         r, weights = self.half * (nodes + 1) / 2, self.half / 2 * weights
         waves = self.xi[self.count // 2 :]
         half_turn = alpha / 2 * np.outer(waves, r)
@@ -83,3 +87,8 @@ class CollisionsInWaves:
         result = np.zeros(w.shape, dtype=complex)
         result[inside] = np.exp(1j * np.multiply.outer(w[inside], self.xi)) @ (self.to_waves @ values)
         return result
+
+
+@functools.lru_cache(maxsize=32)
+def _gauss_legendre(count: int) -> tuple[Array, Array]:
+    return np.polynomial.legendre.leggauss(count)

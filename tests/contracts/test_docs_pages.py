@@ -10,7 +10,7 @@ import pytest
 ROOT = Path(__file__).parents[2]
 PAGES = [*sorted((ROOT / "docs").glob("*.md")), *(ROOT / name for name in ("README.md", "CHANGELOG.md", "CONTRIBUTING.md"))]
 LONGEST_LINE = 130
-LARGEST_PICTURE = 400_000
+LARGEST_PICTURE = 300_000
 """Bytes."""
 
 

@@ -13,8 +13,14 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from benchmarks.random_kinds_scenes import draw_scene
+from benchmarks.random_scenes import random_scene
+from benchmarks.steps_error import judged, truth
 from kinetic_solver import Scene, exact, solve
+from kinetic_solver.plan import make_plan
+from kinetic_solver.scene import INELASTIC as INELASTIC_NAME
 from kinetic_solver.solver.estimate import PARTS
+from kinetic_solver.solver.scheme import assemble
 from tests.conftest import BASE, merge
 
 FOLLOW = {"collisions": {"operator": "follow-the-leader", "cross_section": 0.9}}
@@ -168,6 +174,23 @@ def test_operator_12_not_too_small(grid: dict[str, Any], refined: xr.Dataset) ->
     """Errors of 2e-3 to 9e-3, of which the estimate says a hundredth to a fifth."""
     error, found = error_and_run(scene_of(INELASTIC, {"grid": grid}), refined)
     assert float(found["error_estimate"].max()) > TOO_LOW * error
+
+
+FEW_STEPS = [("random", 2), ("random", 10), ("random", 15), ("kinds", 26), ("kinds", 50)]
+"""(Draw, seed): R* from 0.02 to 7, 3 to 13 steps. Before estimates knew of weak collisions, the last two told a fifteenth of
+their error and a tenth."""
+
+
+@pytest.mark.parametrize(("draw", "seed"), FEW_STEPS)
+def test_steps_of_operator_12_tell_their_error(draw: str, seed: int) -> None:
+    """Against the same grid at steps without error: what they tell is the error of f or more, and no more than 25 times that; and
+    the error is no more than 0.6 rtol, which the grid shares."""
+    rtol = 1e-4 if (draw, seed) == ("kinds", 26) else 1e-3
+    plan = make_plan(random_scene(seed, rtol, INELASTIC_NAME) if draw == "random" else draw_scene(seed, rtol)[1])
+    assert plan.stepping == "extrapolated"
+    found = judged(plan, truth(plan, assemble(plan).representation.start()))
+    assert 1 / 25 < found.over_told < 1, found
+    assert found.error < 0.6, found
 
 
 def test_rounding_that_collisions_amplify_is_told() -> None:

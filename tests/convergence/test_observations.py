@@ -115,4 +115,4 @@ def test_adaptation_is_a_function(make_scene: MakeScene) -> None:
     scheme = assemble(plan)
     seen = Observation.of(scheme, 1e-3, scheme.representation.start(), since=0.999e-3)
     settled = dataclasses.replace(history, tried=(("nx", 1.0), ("nv", 1.0), ("low", 1.0)))
-    assert shrunk(seen, settled) is None
+    assert shrunk((seen,), settled) is None

@@ -30,6 +30,8 @@ from kinetic_solver.stepping import (
     Extrapolated,
     Fixed,
     Integral,
+    OneStep,
+    Signs,
     Stalled,
     Step,
     Stepper,
@@ -64,6 +66,7 @@ def grow(y: Array, h: float) -> Array:
 STRANG = strang(lambda y, h: riccati(y, BETA, h), grow)
 LAWSON = lawson(lambda y: BETA - C * y**2, grow)
 EMBEDDED = embedded_lawson(lambda y: BETA - C * y**2, grow)
+SIGNS = Signs(gain=1.2, stages=10.0, power=0.75)
 EIGHTH, FIFTH = (1, 2, 3, 4), (1, 2)
 
 
@@ -238,8 +241,8 @@ def test_orders_of_integrals_over_steps(counts: tuple[int, ...], order: int) -> 
 
 
 def test_an_embedded_method_is_the_same_with_two_signs_of_its_error() -> None:
-    """Lawson's method, of order 4; a result of order 3, whose error in one step is of order 4; a second difference, of order 3.
-    Steps that err by 1e-6 to 1e-3 are estimated within a factor of four."""
+    """Lawson's method, of order 4; a result of order 3, whose error in one step is of order 4; a second difference, of order 3;
+    and the change, of order 1. Steps that err by 1e-6 to 4e-3 are told at once to twelve times that."""
 
     def of_step(n: int, sign: str) -> float:
         return float(np.abs(getattr(EMBEDDED(Y0, T / n, None, None), sign)).max())
@@ -250,10 +253,42 @@ def test_an_embedded_method_is_the_same_with_two_signs_of_its_error() -> None:
     assert y == pytest.approx(LAWSON.over(Y0, T, 5, None), rel=1e-14)
     assert_order(4, (24, 32, 48, 64), lambda n: of_step(n, "lower"))
     assert_order(3, (48, 64, 96, 128), lambda n: of_step(n, "curvature"))
-    method = Embedded(EMBEDDED, gain=1.0)
-    for n in (4, 6, 8, 12, 16):
+    assert_order(1, (48, 64, 96, 128), lambda n: of_step(n, "change"))
+    method = Embedded(EMBEDDED, SIGNS)
+    for n in (2, 4, 6, 8, 12, 16):
         found, estimate, _ = method.onward(Y0, T / n)
-        assert 1 / 4 < estimate / float(np.abs(found - solution(T / n)).max()) < 4
+        assert 1 < estimate / float(np.abs(found - solution(T / n)).max()) < 12
+    assert_order(4.5, (64, 96, 128, 192), lambda n: method.onward(Y0, T / n)[1])
+
+
+def test_the_estimate_knows_weak_rates() -> None:
+    """A rate that is a million times weaker, of time above all, makes errors so many times less, and estimates likewise: within a
+    factor of four of one another, where a power of the signs alone tells twenty times less."""
+
+    def turned(y: Array, h: float) -> Array:
+        return np.array([[math.cos(h), math.sin(h)], [-math.sin(h), math.cos(h)]]) @ y
+
+    ratios = []
+    for weak in (1.0, 1e-2, 1e-4, 1e-6):
+        one = embedded_lawson(lambda y, weak=weak: weak * (BETA - C * y**2) * np.array([1.0, 0.3]), turned)
+        found, estimate, _ = Embedded(one, SIGNS).onward(Y0[:2], 0.7)
+        right = repeated_embedded(one, Y0[:2], 0.7, 64)
+        ratios.append(estimate / float(np.abs(found - right).max()))
+    assert max(ratios) < 4 * min(ratios), ratios
+    assert all(1 < ratio < 30 for ratio in ratios), ratios
+
+
+def test_no_rate_no_error() -> None:
+    """Lawson's method is exact then, and the estimate says so."""
+    found, estimate, _ = Embedded(embedded_lawson(np.zeros_like, grow), SIGNS).onward(Y0, T)
+    assert estimate == 0
+    assert found == pytest.approx(grow(Y0, T), rel=1e-15)
+
+
+def repeated_embedded(one: OneStep, y: Array, interval: float, steps: int) -> Array:
+    for _ in range(steps):
+        y = one(y, interval / steps, None, None).state
+    return y
 
 
 @pytest.mark.parametrize("thirds", [False, True])
@@ -268,7 +303,7 @@ def test_controlled_with_an_embedded_method(thirds: bool) -> None:
 
     for tolerance in (1e-3, 1e-5, 1e-7):
         rates = 0
-        method = Embedded(embedded_lawson(counted, grow), gain=1.0)
+        method = Embedded(embedded_lawson(counted, grow), SIGNS)
         stepper = Controlled(method, lambda f, tolerance=tolerance: tolerance, T / 2, memory=T / 3, adding=0.5, thirds=thirds)
         steps = driven(stepper, [T / 2, T / 2])
         assert rates <= 1 + 6 * len(steps)  # four each, one for the start, and those of what was rejected

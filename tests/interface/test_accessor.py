@@ -60,6 +60,13 @@ def test_modes(run: xr.Dataset) -> None:
     assert float(c["wavenumber"].sel(mode=2)) == pytest.approx(4 * math.pi / 9)
 
 
+def test_a_homogeneous_run_has_its_mean_alone() -> None:
+    scene = {"pipe": {"length": 3.0}, "initial": {"density": 0.4, "temperature": 0.7}, "run": {"end_time": 0.2}}
+    c = solve(Scene.model_validate(scene)).kinetic.modes()
+    assert c["mode"].values.tolist() == [0]
+    assert abs(c - 1).max() < 1e-15
+
+
 def test_budgets_add_up(run: xr.Dataset) -> None:
     found = run.kinetic.budgets()
     assert found["energy_from"].dims == ("term", "time")

@@ -49,6 +49,28 @@ def run() -> xr.Dataset:
     )
 
 
+@pytest.mark.usefixtures("small")
+@pytest.mark.parametrize("modes", [[], [{"mode": 1, "cos": 0.3}]])
+def test_a_gas_that_cools(modes: list[dict[str, float]], tmp_path: Path) -> None:
+    """Over scaled velocities, which the axes say."""
+    cooling = Scene.model_validate(
+        {
+            "model": {"friction": 0.0, "noise": 0.0},
+            "collisions": {"operator": "inelastic", "cross_section": 1.3, "restitution": 0.4},
+            "pipe": {"length": 3.0},
+            "initial": {"modes": modes, "temperature": 0.8},
+            "run": {"end_time": 12.0, "output_every": 4.0},
+            "accuracy": {"rtol": 1e-2},
+        }
+    )
+    cool = solve(cooling)
+    assert "scaled_velocity" in cool.dims
+    assert save_animation(cool, tmp_path / "cool.gif") == 4
+    axes = MovingPicture(cool).figure.axes
+    assert any("scaled velocity" in label for one in axes for label in (one.get_xlabel(), one.get_ylabel()))
+    assert any(one.get_xlabel() == "s w(v)" or one.get_ylabel() == "s w(v)" for one in axes)
+
+
 @pytest.fixture
 def small(monkeypatch: pytest.MonkeyPatch) -> None:
     """Pictures that are drawn sooner."""

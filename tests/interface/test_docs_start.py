@@ -36,6 +36,10 @@ def test_the_page_does_what_it_says(command: Command, tmp_path: Path, monkeypatc
     for code in blocks("start.md", "python"):
         exec(compile(code, "start.md", "exec"), names)
     assert abs(names["run"]["density"] - names["truth"]["density"]).max() < 1e-6
+    with xr.open_dataset(tmp_path / "out.nc") as run:
+        rate = run.kinetic.growth_rate(1)
+        assert (float(rate), float(rate["uncertainty"])) == (pytest.approx(-0.09, abs=0.005), pytest.approx(0.04, abs=0.005))
+        assert float(rate["kinetic_growth_rate"]) == pytest.approx(-0.063, abs=5e-4)
 
 
 NUMBERS = [(0, "mean_velocity", 4.0), (0, "temperature", 1.0), (1, "mean_velocity", -2.0)]

@@ -27,12 +27,13 @@ def test_python(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch:
     monkeypatch.chdir(tmp_path)
     names: dict[str, Any] = {"__name__": "page"}
     local = [block for block in blocks("python") if "dask" not in block]
-    assert len(local) == 4
+    assert len(local) == 5
     for block in local:
         exec(block, names)
     assert "cross_section = 3" in capsys.readouterr().out
     assert names["run"].attrs["method"] == "grid"
     assert (tmp_path / "run.gif").exists()
+    assert (tmp_path / "sweep.png").exists()
     names["movie"].save(tmp_path / "movie.gif", PillowWriter(5))
     plt.close("all")
 

@@ -12,8 +12,10 @@ import pytest
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
-from kinetic_solver import Scene, SceneError, solve
+from kinetic_solver import Scene, SceneError, solve, sweep
 from kinetic_solver.analysis.frames import chosen_frames, some
+from kinetic_solver.analysis.info import summary
+from kinetic_solver.analysis.measured_rates import measured_rates
 from kinetic_solver.analysis.plotting import overview
 from kinetic_solver.dataset import STOPPED, open_run, write_dataset
 from particles import simulate
@@ -108,6 +110,41 @@ def test_what_a_reader_must_know_is_said(make_scene: MakeScene) -> None:
     assert overview(near).get_supxlabel() == ""
     stopped = near.assign(status=STOPPED).isel(time=slice(0, 20))
     assert overview(stopped).get_supxlabel() == "stopped at t = 0.38 of 1"
+    said = overview(stopped.assign_attrs(stopped="raise grid.nv to 39 or more")).get_supxlabel()
+    assert said == "stopped at t = 0.38 of 1; raise grid.nv to 39 or more"
+
+
+def test_rounding_is_drawn_level(make_scene: MakeScene) -> None:
+    """A field that is level but for rounding has the axis of a level one, as a map, as profiles, and over time."""
+    run = solve(make_scene(run={"end_time": 1.0, "output_every": 0.25}))
+    rounding = 1e-15 * np.cos(np.arange(run["mean_velocity"].size)).reshape(run["mean_velocity"].shape)
+    run["mean_velocity"][:] = rounding
+    mesh = titled(overview(run), "mean velocity").collections[0]
+    assert mesh.norm.vmax - mesh.norm.vmin > 0.5
+    assert np.ptp(titled(overview(run.isel(time=slice(0, 2))), "mean velocity").get_ylim()) > 0.5
+    still = solve(make_scene(initial={"modes": [], "temperature": 0.3}, run={"end_time": 1.0, "output_every": 0.25}))
+    still["mean_velocity"][:] = rounding[:, :1]
+    assert np.ptp(titled(overview(still), "mean velocity").get_ylim()) > 0.5
+
+
+def test_few_particles_leave_places_white(make_scene: MakeScene) -> None:
+    """Quotients where few particles are: without a temperature they are left out, and the rest sets the colours."""
+    run = simulate(make_scene(particles={"count": 500, "replicas": 3}, run={"end_time": 0.5, "output_every": 0.1}))
+    run["temperature"][1, 3] = -80.0
+    run["mean_velocity"][1, 3] = 900.0
+    run["mean_velocity"][2, 4] = -700.0
+    axes = titled(overview(run), "mean velocity")
+    mesh = axes.collections[0]
+    assert np.ma.getmaskarray(mesh.get_array()).reshape(6, -1)[1, 3]
+    assert -20 < mesh.norm.vmin < mesh.norm.vmax < 20
+    assert axes.get_xlabel() == "x (white: too few particles)"
+
+
+def test_a_sweep_is_no_run(make_scene: MakeScene) -> None:
+    found = sweep(make_scene(run={"end_time": 0.5}), {"initial.density": [0.5, 0.8]})
+    for draw in (overview, summary, measured_rates):
+        with pytest.raises(SceneError, match=r"^the file is a sweep over initial\.density; allowed: the file of one run"):
+            draw(found)
 
 
 def test_missing_values_and_wide_temperatures(make_scene: MakeScene) -> None:

@@ -229,9 +229,9 @@ def test_the_summary() -> None:
     assert "(2) stays homogeneous: mean v 0.5, variance 1" in lines
     assert f"linear theory of noise: contrast {expected_contrast(scene):.3g} (independent particles" in lines[-1]
     dense = found.assign_attrs(scene=figure_scene(3, count=scene.particles.count).model_dump_json(exclude_none=True))
-    assert "linear theory of noise: has left its range (independent particles" in summary(dense)[-1]
+    assert "noise: too large for linear theory (independent particles" in summary(dense)[-1]
     shown = snapshots.draw_snapshots(dense).get_suptitle()
-    assert shown.endswith("linear theory of their noise has left its range")
+    assert shown.endswith("their noise is too large for linear theory")
 
 
 @BOTH

@@ -86,6 +86,7 @@ class GridLinearisedStep:
         self._keep = resolved_waves(grid)
         self._ratio = GaugeRatio(grid, cross_section)
         self._modes_of: tuple[Lifted, NDArray[np.complex128] | None, float] | None = None
+        self._waves_of: tuple[Lifted, NDArray[np.complex128]] | None = None
 
     def __call__(self, f: Array, h: float) -> Array:
         return self.lower(self.propagate(self.lift(f), h))
@@ -121,7 +122,7 @@ class GridLinearisedStep:
         # Whatever goes wrong inside shows as a density that is not a positive number, which is looked for.
         with np.errstate(all="ignore"):
             if lifted.mean_density is not None:
-                values = self._growing.get(lifted.mean_density, self._growing_at)(lifted.values, h)
+                values = self._growing.get(lifted.mean_density, self._growing_at).of_waves(self._waves(lifted), h)
                 return Lifted(values / values.max(), lifted.mean_density)
             table, before = self._tables.get(h, self._table), self.density_defect
             f = self._transported(lifted.values, table.outer) @ table.kernel_t
@@ -165,10 +166,16 @@ class GridLinearisedStep:
             return None
         return moments_after(self.grid, self.model, self.cross_section, modes, mean, times, blurs)
 
+    def _waves(self, lifted: Lifted) -> NDArray[np.complex128]:
+        """The Fourier modes of its values, (nx//2 + 1, nv). Kept, for one state is propagated to many times."""
+        if self._waves_of is None or self._waves_of[0] is not lifted:
+            self._waves_of = lifted, self._transform.forward(lifted.values).copy()
+        return self._waves_of[1]
+
     def _modes(self, lifted: Lifted) -> tuple[NDArray[np.complex128] | None, float]:
         """The Fourier modes of F's periodic part, and the mean density."""
         if lifted.mean_density is not None:
-            return self._transform.forward(lifted.values).copy(), lifted.mean_density
+            return self._waves(lifted), lifted.mean_density
         density = lifted.values.sum(axis=1) * self.grid.dv
         phi = self.cross_section * self._potential(density)
         mean = float(density.mean())
