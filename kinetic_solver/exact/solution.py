@@ -9,10 +9,10 @@ every Maxwellian start, ρ0, u0 and θ0 depending on y as they may,
 and E follows from E_x = S∫F dv; it is 1 without collisions. F is linear in the start: of beams both are sums over the beams, each
 times its share. All terms are positive. Sums are done in log space.
 
-Error of f and of the moments: below 1e-13 of their largest values, from any t > 0 on (tests/exact/test_exact.py,
-test_early_times.py, test_free_flight.py), as long as the numbers that enter hold that many digits: beyond it 2e-16 times the
-displacement over the shortest length of f in x, where the flow folds waves ever finer; times u/√θ of a cold start; and for
-starts that vary in u0 or θ0, or without noise, times R*². Where folding makes it too costly it is refused (SceneError).
+Error of f and of the moments: below 1e-13 of their largest values, at any time, with any noise or none, in steep starts and after
+streams have met (tests/exact/test_closed_form_by_sums.py, test_free_flight.py), as far as doubles hold the answer. They do not
+beyond 2e-16 times the displacement over f's shortest length in x, |v| over its shortest width in v, or S times the number of
+particles in the pipe. Where too much has met, or friction without noise leaves no width in v, it is refused (SceneError).
 """
 
 from __future__ import annotations

@@ -45,8 +45,10 @@ def solve(
     `x` (uniform over one period from 0) and `v` (uniform) give the points, as `run["x"]`, `run["v"]` of a grid run; by default
     grid.nx or 64, and grid.nv or 128 points in grid.velocity_window or one that holds the solution. `progress` as of
     `kinetic_solver.solve`.
-    Raises SceneError for operator (12) and for a start from a file or an eigenmode, which have no closed form here, and for
-    points that are not uniform.
+    Error: below 1e-13 of the largest value, and what exact/solution.py says of rounding. Where there are no particles mean
+    velocity and temperature are NaN.
+    Raises SceneError for operator (12) with ε < 1 and for a start from a file or an eigenmode, which have no closed form here,
+    for points that are not uniform, and at times so late that it would take too many starting points.
     """
     check_is_scene(scene)
     grid, schedule = points(scene, x, v), Schedule.of(scene, VARIABLES)
