@@ -10,7 +10,8 @@ and E follows from E_x = S∫F dv; it is 1 without collisions. F is linear in th
 times its share. All terms are positive. Sums are done in log space.
 
 Error of f and of the moments: below 1e-13 of their largest values, at any time, with any noise or none, in steep starts and after
-streams have met (tests/exact/test_closed_form_by_sums.py, test_free_flight.py), as far as doubles hold the answer. They do not
+streams have met (tests/exact/test_closed_form_by_sums.py, tests/exact/test_free_flight.py), as far as doubles hold the answer.
+They do not
 beyond 2e-16 times the displacement over f's shortest length in x, |v| over its shortest width in v, or S times the number of
 particles in the pipe. Where too much has met, or friction without noise leaves no width in v, it is refused (SceneError).
 """
