@@ -6,6 +6,9 @@ import numpy as np
 
 from kinetic_solver.arrays import Array
 
+SAME_POINT = 1e-8
+"""Of the distance between two points: a place no further from one of them is that one. Chosen: far above rounding."""
+
 
 def through_waves(own: Array, places: Array, period: float) -> Array:
     """Matrix (places, own) of the trigonometric interpolant through one period of uniform points.
@@ -19,7 +22,12 @@ def through_waves(own: Array, places: Array, period: float) -> Array:
     below = np.sin(half) if n % 2 else np.tan(half)
     with np.errstate(divide="ignore", invalid="ignore"):
         kernel = np.sin(n * half) / (n * below)
-    return np.asarray(np.where(half == 0, 1.0, kernel))
+    kernel = np.where(half == 0, 1.0, kernel)
+    # At a point is its own value alone: rounding of all others may be more than what is in the tail of f.
+    steps = n * turns
+    known = np.abs(steps - np.rint(steps)).max(axis=1) < SAME_POINT
+    kernel[known] = np.rint(steps[known]) % n == 0
+    return np.asarray(kernel)
 
 
 def through_splines(own: Array, places: Array, degree: int = 5) -> Array:

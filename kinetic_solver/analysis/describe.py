@@ -65,11 +65,13 @@ def _groups(scene: Scene) -> list[Row]:
     g = scene.groups
     if scene.model.friction * scene.model.noise == 0:
         return [("none", "without both friction and noise there is no thermal velocity, or no relaxation time, to compare with")]
-    return [
-        ("R* = S ρ √σ/γ", f"{g.collision_number:.6g}   collisions per relaxation time of a thermal particle"),
-        ("k* = (2π/L) √σ/γ", f"{g.wavenumber:.6g}   thermal free path against the longest wave"),
-        ("L* = L γ/√σ", f"{g.length:.6g}   length of the pipe in thermal free paths"),
+    rows = [
+        ("R* = S ρ √σ/γ", f"{g.collision_number:.6g}", "collisions per relaxation time of a thermal particle"),
+        ("k* = (2π/L) √σ/γ", f"{g.wavenumber:.6g}", "thermal free path against the longest wave"),
+        ("L* = L γ/√σ", f"{g.length:.6g}", "length of the pipe in thermal free paths"),
     ]
+    width = max(len(value) for _, value, _ in rows)
+    return [(label, f"{value:<{width}}   {meaning}") for label, value, meaning in rows]
 
 
 def _homogeneous(scene: Scene) -> list[Row]:

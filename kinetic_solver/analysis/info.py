@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from kinetic_solver.analysis.frames import refuse_sweep
-from kinetic_solver.analysis.titles import in_words
+from kinetic_solver.analysis.titles import in_words, stopped_in_words
 from kinetic_solver.dataset import scene_of, velocity_axis
 
 if TYPE_CHECKING:
@@ -50,8 +50,7 @@ def summary(dataset: xr.Dataset) -> list[str]:
     a = dataset.attrs
     lines = [f"{a.get('method', '?')} run by {a.get('source', '?')}, {a.get('created', 'no date')}"]
     if "status" in dataset:
-        reason = f": {a['stopped']}" if "stopped" in a else ""
-        lines.append(f"status      {_STATUS[int(dataset['status'])]}{reason}")
+        lines.append(f"status      {(stopped_in_words(dataset) if 'stopped' in a else '') or _STATUS[int(dataset['status'])]}")
     if "time" in dataset.coords and dataset.sizes["time"]:
         t = dataset["time"].values
         lines.append(f"frames      {t.size}, t = {t[0]:g} to {t[-1]:g}")

@@ -57,8 +57,12 @@ def stopped_in_words(dataset: xr.Dataset) -> str:
     """When a run stopped that was to go on, and why; empty for all others."""
     if "status" not in dataset or int(dataset["status"]) != STOPPED:
         return ""
-    when = f"stopped at t = {times_of(dataset, 'density')[-1]:.4g} of {scene_of(dataset).run.end_time:g}"
-    return f"{when}; {reason}" if (reason := str(dataset.attrs.get("stopped", ""))) else when
+    end, reason = scene_of(dataset).run.end_time, str(dataset.attrs.get("stopped", ""))
+    if reason.startswith(("t = ", "between t = ")):  # as SolverStopped says it
+        when, _, what = reason.partition(": ")
+        return f"stopped {'at ' if when.startswith('t') else ''}{when} of {end:g}: {what}"
+    when = f"stopped at t = {times_of(dataset, 'density')[-1]:.4g} of {end:g}"
+    return f"{when}; {reason}" if reason else when
 
 
 def _of_particles(dataset: xr.Dataset, method: str) -> str:

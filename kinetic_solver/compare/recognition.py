@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import TypeAlias
 
@@ -21,6 +22,13 @@ Source: TypeAlias = "str | Path | xr.Dataset"
 def over_the_same_velocities(first: Source, second: Source) -> tuple[xr.Dataset, xr.Dataset]:
     """Both over the velocities of one kind, called v: of two runs over scaled ones those of the first, otherwise velocities."""
     a, b = (source if isinstance(source, xr.Dataset) else open_particles(source) for source in (first, second))
+    for side, source in ((a, first), (b, second)):
+        if "swept" in side.attrs:
+            name = "the dataset" if isinstance(source, xr.Dataset) else source
+            raise SceneError(
+                f"{name}: is a sweep over {', '.join(json.loads(side.attrs['swept']))}; allowed: the file of one run, as those "
+                "in the sweep's folder points"
+            )
     scaled = [SCALED in side.dims for side in (a, b)]
     if all(scaled):
         return a.rename({SCALED: "v"}), on_scales_of(b, a).rename({SCALED: "v"})

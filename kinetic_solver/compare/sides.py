@@ -41,7 +41,8 @@ class Side(abc.ABC):
         """In one line: method, size, systematic parts."""
         method = self.dataset.attrs.get("method", "particles that others made")
         parts = ", ".join(f"{name} {size:.1e}" for name, size in self.bounds.items())
-        return f"{self.name}: {method}, {self._size()}; systematic part at most {parts or 'not known: taken as 0'}"
+        systematic = f"systematic part at most {parts}" if parts else "its systematic errors are not known, and taken to be none"
+        return f"{self.name}: {method}, {self._size()}; {systematic}"
 
     @abc.abstractmethod
     def _size(self) -> str:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -17,13 +18,14 @@ from hashlib import sha256
 from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kinetic_solver.arrays import Array
 from kinetic_solver.errors import SceneError
 from kinetic_solver.initial.from_file import read_state
-from kinetic_solver.initial.looking import DROPPED, EDGE, Function, Table, look
+from kinetic_solver.initial.looking import DROPPED, EDGE, PLACES, VELOCITIES, Function, Table, look
 from kinetic_solver.initial.periodic import Complex, amplitudes, coefficients, interpolated
-from kinetic_solver.initial.sampled import from_data_array
+from kinetic_solver.initial.sampled import between_points, check, from_data_array
 from kinetic_solver.initial.start import Gaussians, Start
 from kinetic_solver.scene import Initial, Scene
 
@@ -34,7 +36,8 @@ Given: TypeAlias = "Callable[[Array, Array], Any] | xr.DataArray"
 """f(x, v), which gives an array (nx, nv) for arrays x (nx, 1) and v (1, nv); or a DataArray with dimensions x and v."""
 
 REACH = 40.0
-"""Thermal velocities of the noise on either side of the terminal velocity, in which a callable is looked at first. Chosen."""
+"""Thermal velocities of the noise on either side of the terminal velocity, and of 0, in which a callable is looked at first.
+Chosen."""
 STRONG = 0.1
 """Of the strongest wave along x besides the mean: the waves that particles are to resolve. Chosen."""
 EMPTY = 1e-6
@@ -62,41 +65,45 @@ def take(scene: Scene, given: Given) -> tuple[Scene, GivenStart]:
         f, model = _checked(given, name), scene.model
         middle = model.gravity / model.friction if model.friction > 0 else 0.0
         thermal = math.sqrt(model.noise) if model.noise > 0 else 1.0
-        first = scene.grid.velocity_window or (middle - REACH * thermal, middle + REACH * thermal)
+        first = scene.grid.velocity_window or _where_it_is(f, length, (middle, 0.0), REACH * thermal)
         table = look(f, name, length, first, rtol)
     else:
         array = cast("xr.DataArray", given)
         name = f"DataArray {array.name or ''}".rstrip()
         f, table = from_data_array(array, name, length, rtol)
-    start = GivenStart(name, length, rtol, f, table)
+    start = GivenStart(name, length, rtol, f, table, tabulated=not callable(given) or hasattr(given, "dims"))
     return recorded(scene, start), start
 
 
-def of_file(scene: Scene) -> tuple[Scene, GivenStart] | None:
-    """The last f of `initial.file` as a start that can be seen from any frame, and the scene with its means instead of the file.
+def of_file(scene: Scene) -> tuple[Scene, GivenStart, bool]:
+    """The last f of `initial.file` as a start that can be seen from any frame, the scene with its means instead of the file, and
+    whether f is resolved to accuracy.rtol and has ended in v, so that any grid may be chosen for it.
 
-    None where f depends on x, or is not resolved to accuracy.rtol. Raises SceneError as `read_state`.
+    Warns of what had to be changed of the file. Raises SceneError as `read_state`.
     """
-    import xarray as xr
-
     there = read_state(scene)
-    name = f"the last f of {scene.initial.file}"
-    if there.f.shape[0] > 1:
-        return None
-    array = xr.DataArray(there.f, {"x": [there.first], "v": there.v}, ["x", "v"])
+    for text in there.changed:
+        warnings.warn(f"initial.file = {scene.initial.file!r}: {text}", stacklevel=2)
+    name, length, rtol = f"the last f of {scene.initial.file}", scene.pipe.length, scene.accuracy.rtol
+    f, table = between_points(there.f, there.first, there.v, length, rtol)
     try:
-        f, table = from_data_array(array, name, scene.pipe.length, scene.accuracy.rtol)
+        check(f, table, name, length, rtol)
+        resolved = True
     except SceneError:
-        return None
-    start = GivenStart(name, scene.pipe.length, scene.accuracy.rtol, f, table, of_file=True)
-    means = start.means.model_copy(update={"time": scene.initial.time}) if scene.initial.time else start.means
-    return scene.model_copy(update={"initial": means}), start
+        f, table = between_points(there.f, there.first, there.v, length, rtol, by_splines=True)
+        resolved = False
+    start = GivenStart(name, length, rtol, f, table, of_file=True, tabulated=True)
+    return _with_means(scene, start), start, resolved
 
 
 def recorded(scene: Scene, start: Start) -> Scene:
     """The scene that a dataset says that it is of: with the means of a start that was given."""
     if not isinstance(start, GivenStart) or start.of_file:
         return scene
+    return _with_means(scene, start)
+
+
+def _with_means(scene: Scene, start: GivenStart) -> Scene:
     means = start.means.model_copy(update={"time": scene.initial.time}) if scene.initial.time else start.means
     return scene.model_copy(update={"initial": means})
 
@@ -106,6 +113,14 @@ def notes_of(start: Start | None) -> dict[str, str]:
     if not isinstance(start, GivenStart) or start.of_file:
         return {}
     return {"initial": f"given: {start.name}", "initial_sha256": sha256(np.ascontiguousarray(start.table.f).data).hexdigest()}
+
+
+def _where_it_is(f: Function, length: float, middles: tuple[float, ...], reach: float) -> tuple[float, float]:
+    """The window, of this reach about one of these velocities, in which f is largest: weak friction has its terminal velocity far
+    from where any particle is."""
+    places = length * np.arange(PLACES) / PLACES
+    windows = [(middle - reach, middle + reach) for middle in dict.fromkeys(middles)]
+    return max(windows, key=lambda window: float(f(places, np.linspace(window[0], window[1], VELOCITIES)).max()))
 
 
 def _checked(given: Callable[[Array, Array], Any], name: str) -> Function:
@@ -147,6 +162,8 @@ class GivenStart:
     frame: float = 0.0
     of_file: bool = False
     """True where a dataset's scene names the file that it is from."""
+    tabulated: bool = False
+    """True where f is known at the table's points, and interpolated between them."""
     band_limited = False
     gaussian = False
     closed_form = False
@@ -200,9 +217,18 @@ class GivenStart:
         waves[1:] = self._density[1:] / (1j * k[1:])
         return self.mean_density * x + interpolated(waves, x, self.length) - 2 * float(waves.real.sum())
 
+    def mean_velocities(self, x: Array) -> tuple[float, float]:
+        mean = self.local_state()[0]
+        return float(mean.min()), float(mean.max())
+
+    @property
+    def dense(self) -> NDArray[np.bool_]:
+        """Which places of the table have any density to speak of, (nx,)."""
+        return np.asarray(self._moments[0] > EMPTY * self._moments[0].max())
+
     def local_state(self) -> tuple[Array, Array]:
-        """Mean velocities and temperatures at all places of the table with any density to speak of."""
-        density, momentum, energy = self._moments[:, self._moments[0] > EMPTY * self._moments[0].max()]
+        """Mean velocities and temperatures at these places."""
+        density, momentum, energy = self._moments[:, self.dense]
         mean = momentum / density
         return mean - self.frame, energy / density - mean**2
 
@@ -219,6 +245,11 @@ class GivenStart:
     @property
     def window(self) -> tuple[float, float]:
         return self.table.low - self.frame, self.table.high - self.frame
+
+    @property
+    def laboratory(self) -> tuple[float, float]:
+        """The window in the laboratory."""
+        return self.table.low, self.table.high
 
     @cached_property
     def _narrowest(self) -> float:

@@ -1,7 +1,7 @@
 """What a run starts from: the one owner of that, whatever it is made of.
 
 A plan and the solver ask a `Start`, not the scene, what f is at time 0, and how far and how fine it is. `SceneStart` is what the
-table [initial] says; `GivenStart` (given.py) is an f(x, v) that somebody hands to `solve`.
+table [initial] says; `GivenStart` (given.py) is an f(x, v) that somebody hands to `solve`, or that a file holds.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ from typing import Protocol
 
 from kinetic_solver.arrays import Array
 from kinetic_solver.initial import fields, state
-from kinetic_solver.initial.from_file import from_file
 from kinetic_solver.scene import Scene
 
 Gaussians = list[tuple[float, Array, Array]]
@@ -60,6 +59,9 @@ class Start(Protocol):
     def gaussians(self, x: Array) -> Gaussians:
         """What f is made of at every x, or what has f's reach in v."""
 
+    def mean_velocities(self, x: Array) -> tuple[float, float]:
+        """The least and the largest mean velocity over the places x, of each of the Gaussians that f is the sum of."""
+
     def narrowest(self, x: Array) -> float:
         """The variance of a Gaussian as fine in v as f is anywhere."""
 
@@ -71,7 +73,7 @@ class Start(Protocol):
 
 
 class SceneStart:
-    """What [initial] says. A file stays on its own grid: plans see the homogeneous state in its place."""
+    """What [initial] says, but for a file, which is a `GivenStart` (given.py)."""
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
@@ -86,11 +88,11 @@ class SceneStart:
 
     @property
     def gaussian(self) -> bool:
-        return not self.scene.initial.eigenmodes and self.scene.initial.file is None
+        return not self.scene.initial.eigenmodes
 
     @property
     def closed_form(self) -> bool:
-        return self.scene.initial.file is None
+        return True
 
     @property
     def mean_velocity(self) -> float:
@@ -125,14 +127,16 @@ class SceneStart:
             for share, u, theta in fields.beams(scene)
         ]
 
+    def mean_velocities(self, x: Array) -> tuple[float, float]:
+        means = [mean for _, mean, _ in self.gaussians(x)]
+        return min(float(mean.min()) for mean in means), max(float(mean.max()) for mean in means)
+
     def narrowest(self, x: Array) -> float:
         if not self.scene.initial.temperature_modes:
             return min(theta for _, _, theta in fields.beams(self.scene))
         return min(float(theta.min()) for _, _, theta in self.gaussians(x))
 
     def distribution(self, x: Array, v: Array, density: Array | None = None) -> Array:
-        if self.scene.initial.file is not None:
-            return from_file(self.scene, x, v)
         return state.distribution(self.scene, x, v, density)
 
     def outline(self, x: Array, v: Array) -> Array:

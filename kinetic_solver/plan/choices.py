@@ -60,14 +60,14 @@ def check_given(scales: Scales) -> None:
     if scene.initial.eigenmodes:
         initial.check_eigenmodes(scene, scales.start.mean_velocity, scales.start.temperature)
     if scene.grid.velocity_window is not None:
-        (low, high), (slowest, fastest) = scene.grid.velocity_window, scales.means
+        (low, high), (slowest, fastest) = scene.grid.velocity_window, scales.flow
         if not (low < slowest and fastest < high):
             holding = in_v.window(scales)
             raise SceneError(
                 f"grid.velocity_window = [{low:g}, {high:g}]: does not hold the mean velocities from {slowest:.4g} to "
                 f"{fastest:.4g} that the flow takes; allowed: one that does, as [{holding.low:.4g}, {holding.high:.4g}]"
             )
-    if scene.grid.nx is not None and not scales.start.homogeneous and scene.initial.file is None:
+    if scene.grid.nx is not None and not scales.start.homogeneous:
         least = in_x.least_points(scales)
         if scene.grid.nx < least:
             raise SceneError(f"grid.nx = {scene.grid.nx}: cannot hold the initial state; allowed: {least} or more")
@@ -78,7 +78,7 @@ def reference_frame(scales: Scales, clocked: Callable[[ReferenceFrame], Scales])
     without noise, or collisions without friction and noise, for an ever finer dv. `clocked` gives the scales in a frame."""
     scene, given = scales.scene, scales.scene.grid
     rest = ReferenceFrame(scene.model)
-    if given.nv or given.velocity_window or given.velocity == "hermite" or scene.initial.file or scene.output.moment_equations:
+    if given.nv or given.velocity_window or given.velocity == "hermite" or scene.output.moment_equations:
         return rest, scales
     moving = ReferenceFrame(scene.model, moving=True, start=scales.start.mean_velocity)
     if moving.noiseless and (cooling := cooling_frame(scales, moving)) is not None:

@@ -97,7 +97,7 @@ def _of_the_start(scales: Scales, functions: int) -> int:
     """The highest of the first functions that counts in the start."""
     scene, start = scales.scene, scales.start
     basis = basis_of(scene, functions)
-    if start.gaussian or scene.initial.eigenmodes or scene.initial.file is not None:
+    if start.gaussian or scene.initial.eigenmodes:
         spread = np.abs(sum_of_gaussians(basis, start.gaussians(scales.x), np.ones(POINTS))).max(axis=0)
     else:
         v = points_for_coefficients(scene, basis, start.mean_velocity, start.temperature)

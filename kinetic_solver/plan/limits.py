@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 
 import numpy as np
 
@@ -32,6 +33,19 @@ FEWER_VELOCITIES = (
     MORE_RTOL,
 )
 """What may bring the number of velocities down."""
+
+DEVIATIONS = 37.6
+"""From the mean, at which a Gaussian is still a double of full precision: exp(-708). Measured: with 39 f erred by 2 rtol (1e-4),
+with 42 by 4000, and nothing of it was told. tests/contracts/test_refusals.py."""
+FEWER_COLLISIONS = (
+    Remedy("run.end_time", "less"),
+    Remedy("collisions.cross_section", "less"),
+    Remedy("initial.density", "less"),
+    Remedy("initial.temperature", "less"),
+    Remedy("model.friction", "more"),
+    MORE_RTOL,
+)
+"""What may keep the flow within reach of what is known of its start."""
 
 
 def of_velocities(nv: int, reason: str) -> None:
@@ -69,3 +83,21 @@ def of_turns(scales: Scales, waves: Waves, frame: ReferenceFrame) -> None:
                 MORE_RTOL,
             ),
         )
+
+
+def of_doubles(scales: Scales) -> None:
+    """With (6) whoever is in the flow at a time t comes from Sρ̄r√θ0 standard deviations below the start's mean velocity,
+    r = (1 - exp(-γt))/γ: there, and as far beyond it as f is looked at, f must still be a double, or all of it is lost unseen."""
+    if not scales.amplifies:
+        return
+    drift, thermal = scales.whole.drift_time, math.sqrt(float(scales.temperature.max()))
+    deviations = scales.cross_section * scales.scene.initial.density * drift * thermal + scales.tail
+    if deviations <= DEVIATIONS:
+        return
+    text = (
+        f"collisions.cross_section = {scales.cross_section:g}: until the end the flow slows down to where its start "
+        f"has only what is {deviations:.3g} standard deviations from the mean, and a double holds {DEVIATIONS:.3g}"
+    )
+    if scales.scene.grid.nv is None:
+        raise Refused(text, FEWER_COLLISIONS)
+    warnings.warn(f"{text}; lower it, or end the run before", stacklevel=3)

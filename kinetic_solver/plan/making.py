@@ -11,7 +11,6 @@ import warnings
 from collections.abc import Mapping
 from dataclasses import replace
 from types import MappingProxyType
-from typing import Any
 
 import numpy as np
 
@@ -19,12 +18,11 @@ from kinetic_solver import initial
 from kinetic_solver.dataset import VARIABLES
 from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.laws import CollisionLaw, check_frequency, check_law
-from kinetic_solver.plan import choices, homogeneous, in_hermite, in_t, in_v, in_x, limits, measured, relaxing
-from kinetic_solver.plan.cooling import may_scale
+from kinetic_solver.plan import choices, continuing, homogeneous, in_hermite, in_t, in_v, in_x, limits, measured, relaxing
 from kinetic_solver.plan.cost import cost
 from kinetic_solver.plan.criterion import Criterion, strictest
 from kinetic_solver.plan.moving_frame import ReferenceFrame
-from kinetic_solver.plan.output import output_grids
+from kinetic_solver.plan.output import LEAST_VELOCITIES, output_grids
 from kinetic_solver.plan.plan import Plan, Stepping
 from kinetic_solver.plan.refusal import ARITHMETIC, Refused, explained, out_of_range
 from kinetic_solver.plan.scales import Scales, scales_of
@@ -55,13 +53,14 @@ def make_plan(scene: Scene, law: CollisionLaw | None = None, given: initial.Give
     check_is_scene(scene)
     scene.law_with(law)
     reasons: dict[str, str] = {}
-    start = None
+    start, recorded = None, scene
     if given is not None:
         scene, start = initial.take(scene, given)
-    if scene.initial.file is not None:
-        if (plan := _cooling_from_a_file(scene, law)) is not None:
-            return plan
-        scene, reasons = _on_the_files_grid(scene)
+        recorded = scene
+    elif scene.initial.file is not None:
+        scene, start, resolved = initial.of_file(scene)
+        if not resolved:
+            scene, reasons = continuing.on_the_files_grid(scene, start, law)
 
     def works(changed: Scene) -> bool:
         with warnings.catch_warnings():
@@ -70,7 +69,7 @@ def make_plan(scene: Scene, law: CollisionLaw | None = None, given: initial.Give
             return cost(plan).seconds < PRACTICAL and (not plan.scales.amplifies or plan.scales.amplification < AMPLIFIED)
 
     try:
-        return _make_plan(scene, reasons, law, start)
+        return replace(_make_plan(scene, reasons, law, start), scene=recorded)
     except Refused as refused:
         raise explained(scene, refused, works) from None
     except ARITHMETIC as error:
@@ -92,6 +91,7 @@ def _make_plan(scene: Scene, known: Mapping[str, str], law: CollisionLaw | None,
         return scales_of(frame.scene(stricter), times, scene.model.friction, law, seen, of_edges, here.density)
 
     frame, scales = choices.reference_frame(here, clocked)
+    continuing.check_tail(scales)
     waves, inner = Waves(scales), scales.scene
     chosen: dict[str, str | None] = dict(known)
     if frame.cooling > 0:
@@ -111,6 +111,8 @@ def _make_plan(scene: Scene, known: Mapping[str, str], law: CollisionLaw | None,
         functions = in_hermite.count(scales, waves, nv / measured.HERMITE_PAYS)
         if measured.HERMITE_PAYS * functions.value <= nv:
             velocity, nv, chosen["nv"] = "hermite", int(functions.value), functions.reason
+    if velocity == "points":
+        limits.of_doubles(scales)
     if velocity == "points" and inner.grid.nv is None:
         limits.of_velocities(nv, shown.reason)
     points = Criterion(inner.grid.nx, "") if inner.grid.nx else in_x.points(scales, waves)
@@ -118,6 +120,9 @@ def _make_plan(scene: Scene, known: Mapping[str, str], law: CollisionLaw | None,
     limits.of_turns(scales, waves, frame)
     choices.warn_of_waves_left_out(scales, waves)
     grid = PhaseSpaceGrid(int(points.value), nv, inner.pipe.length, low, high)
+    own = scales.start if isinstance(scales.start, initial.GivenStart) and scales.start.tabulated else None
+    if own is not None and velocity == "points" and inner.grid.nv is None and inner.grid.velocity_window is None:
+        grid = continuing.on_its_points(grid, own)
     shortest = 0.0
     if scales.law is not None and stepping in ("extrapolated", "exponential"):
         stepping, chosen["stepping"] = relaxing.chosen(scales, waves, grid, velocity, drift_diffusion)
@@ -126,7 +131,8 @@ def _make_plan(scene: Scene, known: Mapping[str, str], law: CollisionLaw | None,
     elif stepping == "strang":
         choices.warn_of_a_long_strang_step(scales, waves)
         choices.warn_of_an_unresolved_kernel(scales, grid, time_step, drift_diffusion)
-    output, whole = output_grids(replace(grid, nv=int(shown.value)), frame, scales.times, scene)
+    looked_at = grid if velocity == "points" else replace(grid, nv=int(shown.value))
+    output, whole = output_grids(looked_at, frame, scales.times, here)
     steps = in_t.expected_steps(scales, waves, stepping, time_step)
     if stepping == "exponential":
         steps = max(steps, math.ceil(relaxing.exponential_steps(scales, waves)))
@@ -162,7 +168,7 @@ def _in_one_place(
     chosen["velocity_window"] = chosen["nv"] = "all that f may come to, to round-off"
     chosen["stepping"] = chosen["nx"] = "nothing depends on x"
     limits.of_velocities(grid.nv, "to hold the start, and the narrow state to which it relaxes")
-    output, whole = output_grids(grid, frame, scales.times, scene)
+    output, whole = output_grids(grid, frame, scales.times, here)
     reasons = MappingProxyType({name: reason for name, reason in chosen.items() if reason})
     schemes: tuple[VelocityScheme, Stepping, DriftDiffusionScheme] = ("points", "homogeneous", "kernel")
     steps, share = len(scales.times) - 1, in_t.error_share(scales)
@@ -170,17 +176,6 @@ def _in_one_place(
     return Plan(
         scene, here.start, schedule, frame, scales, waves, grid, output, whole, *schemes, None, None, 0.0, steps, share, reasons
     )
-
-
-def _cooling_from_a_file(scene: Scene, law: CollisionLaw | None) -> Plan | None:
-    """Of a gas that has cooled, and goes on cooling in scaled velocities; None for other starts, which keep the file's grid."""
-    if not may_scale(scene) or (found := initial.of_file(scene)) is None:
-        return None
-    try:
-        plan = _make_plan(found[0], {}, law, found[1])
-    except (Refused, *ARITHMETIC):
-        return None
-    return replace(plan, scene=scene) if plan.reference_frame.cooling > 0 else None
 
 
 def _check(law: CollisionLaw, scales: Scales) -> None:
@@ -208,16 +203,6 @@ def _velocities(scales: Scales, waves: Waves, velocity: VelocityScheme, schemes:
     if velocity == "hermite":
         return in_hermite.count(scales, waves)
     coarsest = strictest(in_v.spacings(scales, waves, schemes))
-    points = max(in_v.LEAST_POINTS, math.ceil(width / coarsest.value))
+    continued = scales.amplifies and scales.amplification > continuing.STRONG
+    points = max(LEAST_VELOCITIES if continued else in_v.LEAST_POINTS, math.ceil(width / coarsest.value))
     return Criterion(points, f"dv = {coarsest.value:.3g} resolves {coarsest.reason}")
-
-
-def _on_the_files_grid(scene: Scene) -> tuple[Scene, dict[str, str]]:
-    """The rules are for Maxwellian starts; a start from a file keeps the file's grid where [grid] names no other."""
-    nx, nv, low, high = initial.file_grid(scene)
-    of_file: dict[str, Any] = {"nx": nx}
-    if scene.grid.velocity_window is None:
-        of_file |= {"nv": nv, "velocity_window": (low, high)}
-    missing = {name: value for name, value in of_file.items() if getattr(scene.grid, name) is None}
-    on_it = scene.model_copy(update={"grid": scene.grid.model_copy(update=missing)})
-    return on_it, dict.fromkeys(missing, "as in initial.file")

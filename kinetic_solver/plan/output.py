@@ -7,10 +7,13 @@ from dataclasses import replace
 
 from kinetic_solver.arrays import Array
 from kinetic_solver.grid import PhaseSpaceGrid
+from kinetic_solver.initial import GivenStart
 from kinetic_solver.machine import too_large
+from kinetic_solver.plan.continuing import with_its_points
 from kinetic_solver.plan.limits import FEWER_VELOCITIES, MOST_VELOCITIES
 from kinetic_solver.plan.moving_frame import ReferenceFrame
 from kinetic_solver.plan.refusal import Refused, Remedy
+from kinetic_solver.plan.scales import Scales
 from kinetic_solver.scene import Scene
 
 LEAST_PLACES, LEAST_VELOCITIES = 65, 64
@@ -25,16 +28,24 @@ OUTPUT_ARRAYS = 4
 
 
 def output_grids(
-    grid: PhaseSpaceGrid, frame: ReferenceFrame, times: Array, scene: Scene
+    grid: PhaseSpaceGrid, frame: ReferenceFrame, times: Array, here: Scales
 ) -> tuple[PhaseSpaceGrid, PhaseSpaceGrid]:
-    """`Plan.output` and `Plan.whole`: what [output] says, else what [grid] says, else the solver's and enough to be looked at."""
+    """`Plan.output` and `Plan.whole`: what [output] says, else what [grid] says, else the points of the file that the run goes on
+    from, else the solver's and enough to be looked at."""
+    scene, start = here.scene, here.start
     whole, given = _holding_all(grid, frame, times, scene), scene.output
+    of_file = start if isinstance(start, GivenStart) and start.of_file else None
     nx = given.nx or (grid.nx if scene.grid.nx or grid.nx == 1 else max(LEAST_PLACES, grid.nx))
+    if of_file is not None and not (given.nx or scene.grid.nx):
+        nx = of_file.table.f.shape[0]
     whole = replace(whole, nx=nx)
     if frame.cooling > 0 and given.velocity_window is None:
         # Over (v - U)/s nothing narrows.
         scaled = replace(whole, low=grid.low / frame.unit, high=grid.high / frame.unit, scaled=True)
         return replace(scaled, nv=given.nv or max(LEAST_VELOCITIES, whole.nv)), whole
+    if of_file is not None and not (given.nv or given.velocity_window or scene.grid.nv or scene.grid.velocity_window):
+        output = with_its_points(whole, of_file, here)
+        return output, whole
     low, high = given.velocity_window or (whole.low, whole.high)
     nv = whole.nv if scene.grid.nv else max(LEAST_VELOCITIES, math.ceil((high - low) / whole.dv - 1e-9))
     output = replace(whole, nv=given.nv or nv, low=low, high=high)

@@ -147,10 +147,17 @@ class Scales:
     @functools.cached_property
     def means(self) -> tuple[float, float]:
         """The least and the largest mean velocity, at the start and at the end as gravity and friction alone would have it."""
-        start = [float(self.mean_velocity.min()), float(self.mean_velocity.max())]
+        return self._until_the_end(float(self.mean_velocity.min()), float(self.mean_velocity.max()))
+
+    @property
+    def flow(self) -> tuple[float, float]:
+        """Likewise of the flow itself, where `means` are those of Gaussians that bound the start."""
+        return self._until_the_end(*self.start.mean_velocities(self.x))
+
+    def _until_the_end(self, least: float, largest: float) -> tuple[float, float]:
         if self.cooling:
-            return start[0], start[1]  # collisions stop what the frame spreads
-        both = start + [self.whole.velocity_shift + mean * self.whole.decay for mean in start]
+            return least, largest  # collisions stop what the frame spreads
+        both = [least, largest, *(self.whole.velocity_shift + mean * self.whole.decay for mean in (least, largest))]
         return min(both), max(both)
 
     @property

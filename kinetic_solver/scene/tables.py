@@ -1,6 +1,5 @@
-"""The tables of a scene, as validated, frozen data; one class a table of the TOML. No numerics happen here.
-
-Unknown keys are refused, with the nearest known name suggested.
+"""The tables of a scene, as validated, frozen data; one class a table of the TOML. No numerics happen here. Unknown keys are
+refused, with the nearest known name suggested.
 """
 
 from __future__ import annotations
@@ -12,6 +11,7 @@ from typing import Annotated, Any, Literal, Self, get_args
 from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
 
 from kinetic_solver.scene.messages import LONGEST_SHOWN, in_one_line, shorten
+from kinetic_solver.scene.toml import of_python
 
 MOST_FRAMES = 1_000_000
 """Of any cadence: more are asked for by a slip of the pen."""
@@ -68,9 +68,9 @@ class Table(BaseModel):
     def _refuse_unknown_keys(cls, data: Any) -> Any:
         if isinstance(data, dict):
             known = _names(cls)
-            for key in data:
-                if key not in known:
-                    raise ValueError(f"unknown key {shorten(key)} = {shorten(data[key])}; {_hint(cls, str(key), known)}")
+            for key in (key for key in data if key not in known):
+                raise ValueError(f"unknown key {shorten(key)} = {shorten(data[key])}; {_hint(cls, str(key), known)}")
+            return {key: of_python(value) for key, value in data.items()}
         return data
 
     @field_validator("*", mode="after")

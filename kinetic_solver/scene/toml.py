@@ -59,6 +59,13 @@ def plain(value: Any) -> Any:
     """A value as TOML knows it: NumPy's numbers and arrays as Python's, a table as a dictionary."""
     if isinstance(value, BaseModel):
         return value.model_dump(by_alias=True, exclude_unset=True, exclude_none=True)
+    return of_python(value)
+
+
+def of_python(value: Any) -> Any:
+    """NumPy's numbers and arrays as Python's, in lists and pairs too: pydantic takes nothing else for an int."""
+    if type(value) in (list, tuple):
+        return type(value)(map(of_python, value))
     return value.tolist() if hasattr(value, "tolist") else value
 
 

@@ -95,7 +95,7 @@ class March:
             plan = self.scheme.plan
             # The start is known on the output's grid. A step in the density is shown as it is, not as the solver can carry it.
             others = dataclasses.replace(plan.whole, nx=plan.grid.nx) != plan.grid
-            known = others or plan.reference_frame.moving or plan.scene.initial.step is not None
+            known = others or plan.reference_frame.moving or plan.scene.initial.step is not None or not plan.start.closed_form
             self._write(0, start_shown(plan) if known else None)
         for frame, (start, end) in enumerate(itertools.pairwise(self.scheme.plan.times.tolist()), 1):
             if frame > self.frame:
@@ -134,8 +134,9 @@ class March:
                 self.within = self.now.clock < end
                 self._after_step(self)
         except (StepTooSmall, LostAccuracy) as error:
-            what = "nx" if isinstance(error, LostAccuracy) else adaptation.suspect(self.now)
-            text = f"{error}; raise accuracy.rtol, or refine grid.nx and grid.nv"
+            in_x = self.now.grid.nx > 1
+            what = "nx" if isinstance(error, LostAccuracy) and in_x else adaptation.suspect(self.now)
+            text = f"{error}; raise accuracy.rtol, or refine {'grid.nx and ' if in_x else ''}grid.nv"
             self._enlarge(Problem(what, 1.0, self._between(start, end), text))
 
     def _observe(self, taken: Step, start: float, end: float) -> Problem | Change | None:

@@ -224,17 +224,15 @@ def _when(seen: Observation) -> str:
 
 def amplified(seen: Observation, velocities: slice = slice(None)) -> Array:
     """max|f| over x at these velocities, times what operator (6) can still make of what is built upon. Shape (velocities,)."""
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        size = np.exp(np.log(np.abs(seen.f[:, velocities])) + _exponents(seen, velocities))
-    return np.asarray(np.where(np.isnan(size), 0.0, size).max(axis=0))
+    with np.errstate(divide="ignore", over="ignore"):
+        return np.asarray(np.exp(np.log(np.abs(seen.f[:, velocities])) + _exponents(seen, velocities)).max(axis=0))
 
 
 def amplified_waves(seen: Observation) -> Array:
     """The largest amplitude of every wave in x, likewise amplified, over the largest of all. Shape (nx//2 + 1,)."""
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        size = np.exp(np.log(np.abs(np.fft.rfft(seen.f, axis=0))) + _exponents(seen).max(axis=0))
-    size = np.nan_to_num(size, nan=0.0, posinf=np.inf).max(axis=1)
-    return np.asarray(size / size.max())
+    with np.errstate(divide="ignore"):
+        size = (np.log(np.abs(np.fft.rfft(seen.f, axis=0))) + _exponents(seen).max(axis=0)).max(axis=1)
+    return np.asarray(np.exp(size - size.max()))  # what rounding is amplified to may be no double
 
 
 def _exponents(seen: Observation, velocities: slice = slice(None)) -> Array:
@@ -246,7 +244,7 @@ def _exponents(seen: Observation, velocities: slice = slice(None)) -> Array:
     left = max(0.0, scene.run.end_time - seen.clock)
     gain = law.cross_section * m.density * transition(scene.model, left).drift_time
     exponent = gain[:, None] * (m.mean_velocity[:, None] - seen.grid.v[velocities]) - (gain**2 * m.temperature / 2)[:, None]
-    return np.maximum(exponent, 0.0)
+    return np.where(exponent > 0, exponent, 0.0)  # 0 where there is no density: it has no mean velocity
 
 
 def spectral_tail(seen: Observation) -> float:

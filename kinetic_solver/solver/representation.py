@@ -104,12 +104,10 @@ class VelocityPoints:
         return LinearStep(self.plan.grid, self.plan.inner.model, self._drift_diffusion())
 
     def start(self) -> Array:
-        scene, grid = self.plan.inner, self.plan.grid
+        grid = self.plan.grid
         start = self.plan.scales.start
         density = start.resolved_density(grid.x)
         f = start.distribution(grid.x, grid.v, density)
-        if scene.initial.file is not None:
-            return f
         # The sum over any window is the density: so the mass is the same on whatever grid a run goes on.
         summed = f.sum(axis=1) * grid.dv
         return f * np.divide(density, summed, where=summed != 0, out=np.ones_like(summed))[:, None]
@@ -184,8 +182,6 @@ class HermiteCoefficients:
 
     def start(self) -> Array:
         scene, grid = self.plan.inner, self.plan.grid
-        if scene.initial.file is not None:
-            return self.basis.coefficients(initial.from_file(scene, grid.x, grid.v), grid.v)
         start = self.plan.scales.start
         if not start.gaussian:
             v = points_for_coefficients(scene, self.basis, start.mean_velocity, start.temperature)

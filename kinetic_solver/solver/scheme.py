@@ -116,7 +116,7 @@ def _exact_steps(plan: Plan, representation: Representation, longest: float) -> 
     scene = plan.inner
     step = representation.linearised(LINEARISED_ROUND_OFF * scene.accuracy.rtol)
     aside = in_t.shortest_exact_step(plan.scales, plan.waves, plan.grid, RESOLVED) if plan.shortest_step > 0 else 0.0
-    early = Early(plan) if plan.shortest_step > 0 and scene.initial.file is None else None
+    early = Early(plan) if plan.shortest_step > 0 else None
     # Where nx is open, a finer grid is the better way out of a step that loses its accuracy; but not of a jump.
     given = scene.grid.nx is not None or plan.waves.products_of_a_step
     fallback = Controlled(_extrapolated(plan, representation), _tolerance(plan)) if given else None

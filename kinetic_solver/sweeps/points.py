@@ -58,7 +58,7 @@ class Point:
         return str(json.loads(self.record.read_text(encoding="utf-8"))["error"]) if self.record.exists() else ""
 
     def __str__(self) -> str:
-        return ", ".join(f"{key} = {value}" for key, value in self.keys)
+        return ", ".join(f"{key} = {value:.6g}" if isinstance(value, float) else f"{key} = {value}" for key, value in self.keys)
 
 
 def points(scene: Scene, values: Mapping[str, Sequence[Any]], method: str, folder: Path) -> Iterator[Point]:

@@ -58,6 +58,7 @@ PLANNED: dict[str, dict[str, Any]] = {
     "velocities of extremes": {"initial.temperature": 1e-6},
     "velocities, (6) with many collisions": {"collisions": {**FOLLOWING, "cross_section": 1e3}},
     "velocities, huge noise": {"model.noise": 1e30},
+    "what no double holds of the slow, (6)": {"collisions": {**FOLLOWING, "cross_section": 60.0}},
     "velocities that neighbours cannot be told apart": {
         "collisions": FOLLOWING,
         "model.friction": 1e-12,

@@ -11,6 +11,11 @@ from pathlib import Path
 import pytest
 import xarray as xr
 
+from kinetic_solver import Scene
+from kinetic_solver.analysis.describe import describe
+
+MakeScene = Callable[..., Scene]
+
 Command = Callable[..., subprocess.CompletedProcess[str]]
 SCENE = """
 [pipe]
@@ -182,3 +187,10 @@ def test_quiet_and_verbose(command: Command, folder: Path) -> None:
     assert (done.returncode, done.stderr) == (2, "error: --quiet, --verbose: both are given; allowed: one of them\n")
     done = command("run", "scene.toml", "-o", "new.nc", "-v", "--method", "other", folder=folder)
     assert (done.returncode, done.stdout, done.stderr[:25]) == (2, "", "error: method = 'other': ")
+
+
+def test_what_the_groups_mean_is_in_line(make_scene: MakeScene) -> None:
+    scene = make_scene(collisions={"operator": "follow-the-leader", "cross_section": 0.7}, pipe={"length": 10.0})
+    groups = dict(describe(scene))["Dimensionless groups"]
+    assert len({len(text.split()[0]) for _, text in groups}) > 1
+    assert len({text.rindex("  ") for _, text in groups}) == 1

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from kinetic_solver import Scene, exact
+from kinetic_solver import Scene, exact, sweep
 from kinetic_solver.dataset import open_run, write_dataset
 from particles.simulation import simulate
 
@@ -145,3 +145,27 @@ def test_an_input_is_not_replaced(command: Command, folder: Path) -> None:
     assert done.returncode == 2
     assert "is a file that this command reads; allowed: another name" in done.stderr
     assert (folder / RIGHT).read_bytes() == before
+
+
+def test_a_sweep_is_refused(command: Command, folder: Path) -> None:
+    sweep(exact_scene(), {"model.gravity": [0.5, 1.3]}, folder / "swept", method="exact")
+    for names in ((RIGHT, "swept/sweep.nc"), ("swept/sweep.nc", RIGHT)):
+        done = command("compare", *names, folder=folder)
+        assert done.returncode == 2
+        assert "swept/sweep.nc: is a sweep over model.gravity; allowed: the file of one run, as those" in done.stderr
+        assert done.stderr.count("\n") == 1
+
+
+def test_unknown_systematic_errors_are_said_in_words(command: Command, folder: Path) -> None:
+    """As of particles that started from an f of somebody's own, of which the scene says nothing."""
+    follow = {"operator": "follow-the-leader", "cross_section": 0.4}
+    scene = Scene.model_validate({key: table for key, table in SCENE.items() if key != "initial"} | {"collisions": follow})
+    run = simulate(scene, initial=lambda x, v: 0.8 * np.exp(-((v - 1.0) ** 2)) + 0 * x)
+    write_dataset(run, folder / "own.nc", overwrite=True)
+    said = command("compare", "own.nc", RIGHT, folder=folder).stdout.splitlines()
+    own = [line for line in said if line.startswith("own.nc: ")]
+    assert own[0].endswith("; its systematic errors are not known, and taken to be none")
+
+
+def exact_scene() -> Scene:
+    return Scene.model_validate({**SCENE, "grid": {"nx": 9, "nv": 24}})

@@ -112,6 +112,13 @@ def test_what_a_reader_must_know_is_said(make_scene: MakeScene) -> None:
     assert overview(stopped).get_supxlabel() == "stopped at t = 0.38 of 1"
     said = overview(stopped.assign_attrs(stopped="raise grid.nv to 39 or more")).get_supxlabel()
     assert said == "stopped at t = 0.38 of 1; raise grid.nv to 39 or more"
+    for reason, wanted in (
+        ("t = 0.3917: f has run out; raise nx", "stopped at t = 0.3917 of 1: f has run out; raise nx"),
+        ("between t = 0.38 and 0.4: lost; lower S", "stopped between t = 0.38 and 0.4 of 1: lost; lower S"),
+    ):
+        told = stopped.assign_attrs(stopped=reason)
+        assert overview(told).get_supxlabel() == wanted
+        assert f"status      {wanted}" in summary(told)
 
 
 def test_rounding_is_drawn_level(make_scene: MakeScene) -> None:

@@ -140,3 +140,24 @@ def test_density_modes_pointwise(make_scene: MakeScene) -> None:
     x = 1.234
     expected = 0.4 * math.cos(2 * math.pi * x / 9) + 0.2 * math.sin(4 * math.pi * x / 9)
     assert float(fourier_sum(scene.initial.modes, x, 9.0)) == pytest.approx(expected, rel=1e-14)
+
+
+@pytest.mark.parametrize("number", [np.int64(16), np.int32(16), np.uint8(16), np.array(16)])
+def test_numbers_of_numpy_are_numbers(make_scene: MakeScene, number: Any) -> None:
+    """However a scene is made, in tables, pairs and lists of tables; what is no whole number still is none."""
+    table = {
+        "grid": {"nx": number, "velocity_window": (np.float32(-4.5), np.int64(5))},
+        "initial": {"density": np.float32(0.5), "modes": [{"mode": np.int64(3), "cos": np.float64(0.25)}]},
+        "output": {"budgets": np.bool_(False), "f": np.float32(0.75)},
+    }
+    scene = make_scene(**table)
+    assert scene.grid.nx == 16
+    assert type(scene.grid.nx) is int
+    assert scene.grid.velocity_window == (-4.5, 5.0)
+    assert (scene.initial.density, scene.initial.modes[0].mode) == (0.5, 3)
+    assert (scene.output.budgets, scene.output.f) == (False, 0.75)
+    one_by_one = {f"{name}.{key}": value for name, keys in table.items() for key, value in keys.items()}
+    assert make_scene().replace(**one_by_one) == scene
+    assert type(scene.grid)(nx=number, velocity_window=table["grid"]["velocity_window"]) == scene.grid
+    with pytest.raises(SceneError, match=r"grid.nx = 16.5: input should be a valid integer"):
+        make_scene(grid={"nx": np.float64(16.5)})

@@ -219,3 +219,10 @@ def test_in_a_script_at_its_top_level(tmp_path: Path) -> None:
     )
     done = subprocess.run([sys.executable, script], capture_output=True, text=True, check=True, cwd=tmp_path)
     assert done.stdout == "begun\n[1, 1]\n"
+
+
+def test_values_are_told_in_six_digits(make_scene: MakeScene) -> None:
+    said: list[str] = []
+    values = {"collisions.cross_section": [0.2, 0.9466666666666665], "output.nx": [9]}
+    sweep(make_scene(**{**SMALL, "collisions": LAW}), values, say=said.append)
+    assert any("collisions.cross_section = 0.946667, output.nx = 9" in text for text in said)

@@ -125,6 +125,18 @@ class Rate:
         return np.asarray(rate.ravel())
 
 
+LEAST_HARMONICS = 3
+"""Modes in x over the highest of the start, at least. Its own harmonics, which collisions make first, are twice and three times
+as high: on fewer points they would be taken for lower modes, and not be seen among the highest."""
+
+
+def highest_mode(scene: Scene) -> int:
+    """Of the start's lists of modes; 0 where it has none. A step or a pulse has all."""
+    start = scene.initial
+    lists = (*start.density_modes, *start.velocity_modes, *start.temperature_modes)
+    return max((m.mode for m in lists if m.cos or m.sin), default=0)
+
+
 def points_for(scene: Scene, modes: int, finer: float = 1.0, theta_min: float | None = None) -> Points:
     """Enough for Maxwellians between the coldest and the hottest, and for so many modes in x."""
     model, places = scene.model, scene.pipe.length * np.arange(1024) / 1024
@@ -233,8 +245,11 @@ def solve(
 ) -> Frames:
     """The frames of a scene with operator (12), the highest modes in x and v below `tolerance` of the largest.
 
-    Raises OutOfReach.
+    Raises OutOfReach, and ValueError where `modes` are fewer than `LEAST_HARMONICS` times the start's highest mode.
     """
+    highest = highest_mode(scene)
+    if modes < LEAST_HARMONICS * highest:
+        raise ValueError(f"modes = {modes}: the start has mode {highest}; allowed: {LEAST_HARMONICS * highest} or more")
     finer_x = finer_v = 1.0
     while True:
         points = points_for(scene, math.ceil(modes * finer_x), 1.0, theta_min)

@@ -57,3 +57,10 @@ def test_without_collisions_it_is_the_closed_form() -> None:
 def test_too_many_points_are_not_tried() -> None:
     with pytest.raises(reference.OutOfReach):
         reference.solve(scene(0.5, initial={"temperature": 1e-6, "mean_velocity": 0.0}), 1e-5)
+
+
+def test_harmonics_must_have_room() -> None:
+    """Of a start in mode 7 the second harmonic is mode 14, which 8 modes take for mode 3, and the third is all but mode 4."""
+    start = {"density": RHO, "mean_velocity": U, "temperature": THETA, "modes": [{"mode": 7, "cos": 0.3}]}
+    with pytest.raises(ValueError, match="modes = 20: the start has mode 7; allowed: 21 or more"):
+        reference.solve(scene(0.5, initial=start), 1e-5, 20)

@@ -35,7 +35,7 @@ from kinetic_solver.operators.tables import Tables
 from kinetic_solver.operators.transport import resolved_waves, shift_phases
 from kinetic_solver.operators.velocity import DriftDiffusion
 from kinetic_solver.scene import Model
-from kinetic_solver.theory.ornstein_uhlenbeck import transition, transport_times
+from kinetic_solver.theory.ornstein_uhlenbeck import half_transport_time, transition, transport_times
 
 ROUND_OFF = float(np.finfo(float).eps)
 """Relative spacing of doubles, 2.2e-16."""
@@ -43,6 +43,8 @@ EMPTY = 1e-9
 """Of the largest ∫F dv: where there is less, it may be rounding, and what f misses of the density is added, not multiplied."""
 TABLES = 8
 """Step lengths whose tables are kept. Frames at even times use one or two; at uneven times each brings its own."""
+LARGEST_EXPONENT = 500.0
+"""Of one piece of a tilt: the logarithm of the largest double is 709, and f itself needs some of that. Chosen."""
 GROWTHS = 2
 """Mean densities whose linear steps are kept: that of a chain, and that of the chain's link before, apart by rounding."""
 
@@ -95,6 +97,7 @@ class GridLinearisedStep:
         """Drops all tables: of steps whose lengths do not come again."""
         self._growing = Tables[LinearStep](GROWTHS)
         self._tables = Tables[_LocalTable](TABLES)
+        self._kernels = Tables[Array](TABLES)
 
     def gauge_range(self, f: Array) -> float:
         """S·(max - min) of the periodic part of Φ: the logarithm of max W/min W."""
@@ -106,6 +109,8 @@ class GridLinearisedStep:
         mean = float(density.mean())
         if not (np.isfinite(f).all() and mean > 0):
             raise LostAccuracy("f is not a distribution any more")
+        if self.grid.nx == 1:
+            return Lifted(f, None)
         phi = self.cross_section * self._potential(density)
         if ROUND_OFF * math.exp(min(float(np.ptp(phi)), 700.0)) > self.tolerance:
             return Lifted(f, None)
@@ -121,6 +126,8 @@ class GridLinearisedStep:
         """After h; in the local gauge it may come back in the global one."""
         # Whatever goes wrong inside shows as a density that is not a positive number, which is looked for.
         with np.errstate(all="ignore"):
+            if self.grid.nx == 1:
+                return Lifted(self._in_one_place(lifted.values, h), None)
             if lifted.mean_density is not None:
                 values = self._growing.get(lifted.mean_density, self._growing_at).of_waves(self._waves(lifted), h)
                 return Lifted(values / values.max(), lifted.mean_density)
@@ -182,6 +189,25 @@ class GridLinearisedStep:
         if lifted.jumps or ROUND_OFF * math.exp(min(float(np.ptp(phi)), 700.0)) > MOMENTS_ROUND_OFF * self.tolerance:
             return None, mean
         return self._transform.forward(lifted.values * np.exp(phi - phi.max())[:, None]).copy(), mean
+
+    def _in_one_place(self, f: Array, h: float) -> Array:
+        """Where nothing depends on x: exp(-Sρτv), the kernel over h, and exp(-Sρτv) again, each brought back to the same ρ, with
+        τ = tanh(γh/2)/γ as in operators/linear.py."""
+        tau = half_transport_time(self.model.friction, h)
+        kernel_t = self._kernels.get(h, lambda h: np.ascontiguousarray(self.drift_diffusion.matrix(h).T))
+        tilt = self.cross_section * float(f.sum()) * self.grid.dv * tau
+        return self._tilted(self._tilted(f, tilt) @ kernel_t, tilt)
+
+    def _tilted(self, f: Array, tilt: float) -> Array:
+        """f exp(-tilt·v), brought back to the same ρ: about the mean velocity, and in pieces, none of which is too large."""
+        v, total = self.grid.v, float(f.sum())
+        pieces = 1 + int(abs(tilt) * (self.grid.high - self.grid.low) / LARGEST_EXPONENT)
+        for _ in range(pieces):
+            f = f * np.exp(-tilt / pieces * (v - float(f[0] @ v) / total))
+            if not (np.isfinite(n := float(f.sum())) and n > 0):
+                raise LostAccuracy("f is not a distribution any more")
+            f = f * (total / n)
+        return f
 
     def _growing_at(self, mean_density: float) -> LinearStep:
         growth = self.cross_section * mean_density
