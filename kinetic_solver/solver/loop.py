@@ -192,7 +192,7 @@ class March:
         go back to the interval's start, and are carried over only once the chain has begun."""
         fitting: tuple[Observation, ...]
         if isinstance(self.scheme.stepper, ExactSteps):
-            if not self.memory.begun:
+            if not self.memory.begun or self.memory.links[1].time == 0:  # the start seldom fits on a smaller grid
                 return None
             self.looks += 1
             if self.looks % CHECK_EVERY != 1:
