@@ -26,12 +26,17 @@ KINDS = (
     "pulse",
     "homogeneous",
 )
+FURTHER = ("friction", "weak", "early", "high")
+"""Kinds apart, without pairs: friction from 1e-5 to 10 where lengths, temperatures and times are about 1; weak friction and noise
+so strong that it acts; ends so early that f is hardly changed, from cold and hot starts; waves of high modes."""
 DECADES = 6.0
 """Units are random powers of ten, up to this one and down to one over it."""
 
 
-def draw_scene(seed: int, rtol: float, operator: str | None = None) -> tuple[str, Scene]:
-    """(kind, scene) of a seed; kinds and operators in turn. `operator` instead of the seed's own."""
+def draw_scene(seed: int, rtol: float, operator: str | None = None, further: bool = False) -> tuple[str, Scene]:
+    """(kind, scene) of a seed; kinds and operators in turn, or of the kinds apart. `operator` instead of the seed's own."""
+    if further:
+        return _draw_further(seed, rtol)
     draw = np.random.default_rng((2024, seed))
     kind = KINDS[seed % len(KINDS)]
     operator = operator or OPERATORS[seed % len(OPERATORS)]
@@ -83,6 +88,48 @@ def draw_scene(seed: int, rtol: float, operator: str | None = None) -> tuple[str
         table["collisions"] = {"operator": operator, "cross_section": number / initial["density"]}
         if operator == INELASTIC:
             table["collisions"]["restitution"] = restitution
+    units = (float(10 ** draw.uniform(-DECADES, DECADES)) for _ in range(3))
+    return kind, Scene.model_validate(in_units(table, *units))
+
+
+def operator_of(seed: int, further: bool = False) -> str | None:
+    """That a seed brings."""
+    return OPERATORS[seed % 2] if further else OPERATORS[seed % len(OPERATORS)]
+
+
+def _draw_further(seed: int, rtol: float) -> tuple[str, Scene]:
+    draw = np.random.default_rng((2026, seed))
+    kind, operator = FURTHER[seed // 2 % len(FURTHER)], operator_of(seed, further=True)
+    friction, temperature = float(10 ** draw.uniform(-5, 1)), float(10 ** draw.uniform(-1.5, 1))
+    noise, end, modes = 1.0, float(10 ** draw.uniform(-0.5, 0.7)), (1, 6)
+    if kind == "weak":
+        friction = float(10 ** draw.uniform(-5, -1))
+        noise = min(float(10 ** draw.uniform(0, 3.5)), 0.3 / friction)
+    elif kind == "early":
+        friction = float(10 ** draw.uniform(-1, 1))
+        temperature, end = float(10 ** draw.uniform(-2, 1)), float(10 ** draw.uniform(-4, -0.5)) / friction
+    elif kind == "high":
+        modes, end = (8, 80), float(10 ** draw.uniform(-1.5, 0.3))
+    number = float(10 ** draw.uniform(-4, 0.3))
+    amplitude, phase = float(draw.uniform(0.05, 0.9)), float(draw.uniform(0, 2 * math.pi))
+    mode = {"mode": int(draw.integers(*modes)), "cos": amplitude * math.cos(phase), "sin": amplitude * math.sin(phase)}
+    table: dict[str, Any] = {
+        "model": {"gravity": float(draw.uniform(-1, 1)), "friction": friction, "noise": noise},
+        "pipe": {"length": float(10 ** draw.uniform(0.3, 1.5))},
+        "initial": {
+            "density": float(2 ** draw.uniform(-1, 1)),
+            "mean_velocity": float(draw.uniform(-2, 2)),
+            "temperature": temperature,
+            "modes": [mode],
+        },
+        "run": {"end_time": end, "output_every": end / int(draw.choice([1, 1, 2, 5, 20]))},
+        "accuracy": {"rtol": rtol},
+        "output": {"budgets": False},
+    }
+    if operator is not None:
+        # R_t is at most about a few, whatever friction and noise are.
+        most = math.sqrt(max(temperature, noise)) * min(end, 1 / friction)
+        table["collisions"] = {"operator": operator, "cross_section": number / table["initial"]["density"] / max(1.0, most)}
     units = (float(10 ** draw.uniform(-DECADES, DECADES)) for _ in range(3))
     return kind, Scene.model_validate(in_units(table, *units))
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.random_kinds_scenes import KINDS, OPERATORS
+from benchmarks.random_kinds_scenes import FURTHER, KINDS, OPERATORS
 from benchmarks.random_scenes import FIELDS
 from kinetic_solver.scene import INELASTIC
 
@@ -64,14 +64,14 @@ def tables(lines: Sequence[Line]) -> dict[str, list[list[str]]]:
         ),
         "kinds": [
             ["kind", "runs compared", "error/rtol, most", "median", "error/estimate of f, 5 to 95 %", "s, most"],
-            *([kind, *_kind([line for line in lines if line["kind"] == kind])] for kind in KINDS),
+            *([kind, *_kind(some)] for kind in (*KINDS, *FURTHER) if (some := [line for line in lines if line["kind"] == kind])),
         ],
     }
 
 
-def written(found: dict[str, list[list[str]]], folder: Path) -> None:
+def written(found: dict[str, list[list[str]]], folder: Path, prefix: str = "random_kinds") -> None:
     for name, rows in found.items():
-        with (folder / f"random_kinds_{name}.csv").open("w", newline="", encoding="utf-8") as file:
+        with (folder / f"{prefix}_{name}.csv").open("w", newline="", encoding="utf-8") as file:
             csv.writer(file, lineterminator="\n").writerows(rows)
 
 

@@ -52,7 +52,11 @@ def _equation(scene: Scene) -> list[Row]:
             )
         )
     else:
-        why = "elastic collisions of equal particles exchange labels only" if s else "none in the scene"
+        why = (
+            "elastic collisions of equal particles exchange labels only"
+            if scene.collisions is not None and scene.collisions.cross_section
+            else "none in the scene"
+        )
         rows.append(("C[f] = 0", why))
     return rows
 

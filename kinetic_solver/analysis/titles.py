@@ -18,6 +18,8 @@ def in_words(scene: Scene) -> str:
     """Its collisions and their numbers, then g, γ and σ."""
     if scene.collisions is None:
         kind = "no collisions"
+    elif scene.operator is None and scene.collisions.cross_section > 0:
+        kind = "elastic collisions"
     else:
         kind = f"{scene.collisions.operator} collisions"
         number, rate = scene.groups.collision_number, scene.cross_section * scene.initial.density

@@ -5,6 +5,7 @@ from kinetic_solver.initial.eigenmodes import check_eigenmodes, eigenmode_backgr
 from kinetic_solver.initial.fields import (
     beams,
     density,
+    density_excess,
     density_integral,
     mean_velocity,
     resolved_density,
@@ -26,6 +27,7 @@ __all__ = [
     "beams",
     "check_eigenmodes",
     "density",
+    "density_excess",
     "density_integral",
     "distribution",
     "eigenmode_background",

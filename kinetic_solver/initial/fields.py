@@ -132,26 +132,45 @@ def density_integral(scene: Scene, y: ArrayLike) -> Array:
     """Φ0(y) = ∫_0^y ρ0, ρ0 continued periodically: its linear part is included. Any real y."""
     start, length = scene.initial, scene.pipe.length
     y = np.asarray(y, dtype=float)
-    if start.step is not None:
+    if start.step is not None or start.pulse is not None:
         periods = np.floor(y / length)
-        place = y / length - periods
-        inside = np.clip(place - start.step.start, 0.0, start.step.end - start.step.start)
-        outer = _outer_density(scene)
-        return length * (start.density * periods + outer * (place + (start.step.ratio - 1) * inside))
-    if start.pulse is not None:
-        from scipy.special import erf
+        return length * (start.density * periods + _swept(scene, y / length - periods))
+    return start.density * (y + _swept_by_waves(scene, y))
 
-        pulse, periods = start.pulse, np.floor(y / length)
-        place = y / length - periods
-        root = math.sqrt(2) * pulse.width
-        swept = sum(erf((place - pulse.at + m) / root) - math.erf((m - pulse.at) / root) for m in _neighbours(pulse))
-        area = pulse.height * pulse.width * math.sqrt(math.pi / 2) * swept
-        return np.asarray(start.density * length * (periods + (place + area) / pulse.whole))
-    total = y.copy()
-    for m in start.density_modes:
-        k = 2 * np.pi * m.mode / length
+
+def density_excess(scene: Scene, y: ArrayLike) -> Array:
+    """Φ0(y) - ρ̄y, the periodic part of `density_integral`, whose error does not grow with y."""
+    start, length = scene.initial, scene.pipe.length
+    y = np.asarray(y, dtype=float)
+    if start.step is not None or start.pulse is not None:
+        place = y / length - np.floor(y / length)
+        return length * (_swept(scene, place) - start.density * place)
+    return start.density * _swept_by_waves(scene, y)
+
+
+def _swept(scene: Scene, place: Array) -> Array:
+    """∫ρ0 over a step or a pulse from 0 to a place in the first period, both over the pipe's length."""
+    start = scene.initial
+    if start.step is not None:
+        inside = np.clip(place - start.step.start, 0.0, start.step.end - start.step.start)
+        return _outer_density(scene) * (place + (start.step.ratio - 1) * inside)
+    from scipy.special import erf
+
+    pulse = start.pulse
+    assert pulse is not None
+    root = math.sqrt(2) * pulse.width
+    swept = sum(erf((place - pulse.at + m) / root) - math.erf((m - pulse.at) / root) for m in _neighbours(pulse))
+    area = pulse.height * pulse.width * math.sqrt(math.pi / 2) * swept
+    return np.asarray(start.density * (place + area) / pulse.whole)
+
+
+def _swept_by_waves(scene: Scene, y: Array) -> Array:
+    """∫_0^y of the density's waves, over the mean density."""
+    total = np.zeros_like(y)
+    for m in scene.initial.density_modes:
+        k = 2 * np.pi * m.mode / scene.pipe.length
         if m.cos:
             total += m.cos / k * np.sin(k * y)
         if m.sin:  # 1 - cos = 2 sin²(./2), without cancellation at small y
             total += m.sin / k * 2 * np.sin(k * y / 2) ** 2
-    return start.density * total
+    return total

@@ -9,12 +9,14 @@ import math
 import warnings
 from collections.abc import Callable
 
+import numpy as np
+
 from kinetic_solver import initial
 from kinetic_solver.errors import SceneError
 from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.operators.collisions import has_deposit, has_hermite
 from kinetic_solver.operators.velocity.kernel import resolved_spacing
-from kinetic_solver.plan import in_t, in_v, in_x, measured
+from kinetic_solver.plan import in_finite_volumes, in_t, in_v, in_x, measured
 from kinetic_solver.plan.cooling import cooling_frame
 from kinetic_solver.plan.criterion import strictest
 from kinetic_solver.plan.edges import longest_bounded_step
@@ -27,6 +29,8 @@ WORTH_MOVING = 1.5
 """How many times narrower a moving frame must make the window: frames are interpolated then. Chosen."""
 FINITE_VOLUMES_COARSER = 4.0
 """How many times the dv of the kernel finite volumes of order 8 must allow, to take its place. Chosen: they are less accurate."""
+FINER_WHEN_EARLY = 3
+"""How many times denser points a frame needs at least that comes before the first exact step of the kernel."""
 JUMP_IN_THE_LOCAL_GAUGE = 1e-4
 """rtol of f at most, where (6) steps a jump in the local gauge: on fewer points its first, unresolved moments spoil the budgets.
 Chosen: R* = 4."""
@@ -157,8 +161,14 @@ def drift_diffusion(scales: Scales, waves: Waves) -> DriftDiffusionScheme:
     if model.friction * model.noise == 0 and given not in (None, "kernel"):
         raise SceneError(f"grid.drift_diffusion = {given!r}: needs friction > 0 and noise > 0; allowed here: 'kernel'")
     if given is None and scales.amplifies and model.friction * model.noise > 0:
-        kernel = in_v.exact_step_spacing(scales, waves, in_t.farthest_exact_step(scales))
-        if in_v.finite_volumes_for_weak_noise(scales) > FINITE_VOLUMES_COARSER * kernel:
+        longest = in_t.farthest_exact_step(scales)
+        kernel = in_v.exact_step_spacing(scales, waves, longest)
+        needed = strictest(in_v.spacings(scales, waves, in_v.Schemes("exact", "finite-volume-8", None, longest))).value
+        # A frame within the first step is found on finer points (solver/scheme.py), if dv is that of the kernel.
+        early = float(np.mean(scales.times[1:] < longest * (1 - 1e-9)))
+        dearer = math.sqrt(1 + (FINER_WHEN_EARLY**2 - 1) * early)
+        coarser = in_v.for_weak_noise(scales, waves, longest) / kernel
+        if needed > kernel and coarser * dearer > FINITE_VOLUMES_COARSER:
             return "finite-volume-8"
     return given or "kernel"
 
@@ -266,7 +276,7 @@ def warn_of_an_unresolved_kernel(
     h = in_t.shortest_step_that_fills(scales, shortest)
     resolved = resolved_spacing(model, h)
     coefficient, order = measured.FINITE_VOLUME_ERROR["finite-volume-8"]
-    error = coefficient * in_v.tail_weight(scales) * (grid.dv / math.sqrt(model.noise)) ** order
+    error = coefficient * in_finite_volumes.tail_weight(scales) * (grid.dv / math.sqrt(model.noise)) ** order
     if grid.dv > resolved and error > scales.rtol:
         enough = math.ceil((grid.high - grid.low) / resolved)
         warnings.warn(

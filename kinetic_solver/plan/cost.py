@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kinetic_solver.plan import homogeneous, relaxing
+from kinetic_solver.plan import choices, homogeneous, relaxing
 from kinetic_solver.plan.plan import Plan
 
 PRODUCT = 2.2e-11
@@ -132,7 +132,9 @@ def _stepping(plan: Plan) -> float:
 
 def _exact(plan: Plan, steps: int, linear: float, transform: float, product: float, tables: float) -> float:
     nx, nv = plan.grid.nx, plan.grid.nv
-    lengths = min(steps, 2 + len(plan.times))  # one for the links of the chain, and one for each frame between
+    lengths = float(min(steps, 2 + len(plan.times)))  # one for the links of the chain, and one for each frame between
+    if plan.shortest_step > 0:  # frames before that are stepped on denser points
+        lengths += float((plan.times[1:] < plan.shortest_step).sum()) * (choices.FINER_WHEN_EARLY**2 - 1)
     if plan.law is None or plan.velocity == "hermite":
         return steps * linear + lengths * tables
     if not plan.waves.local_gauge:

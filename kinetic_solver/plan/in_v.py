@@ -18,12 +18,11 @@ from kinetic_solver.arrays import Array
 from kinetic_solver.laws import Inelastic
 from kinetic_solver.operators.linear import FADED
 from kinetic_solver.operators.velocity.kernel import resolution, resolved_spacing
-from kinetic_solver.plan import in_t, measured
+from kinetic_solver.plan import in_finite_volumes, in_t, kernel_sums, measured
 from kinetic_solver.plan.criterion import Criterion
 from kinetic_solver.plan.scales import TAIL, Scales
 from kinetic_solver.plan.waves import DROPPED, Waves
 from kinetic_solver.scene import Deposit, DriftDiffusionScheme, Model, SteppingScheme
-from kinetic_solver.stability.homogeneous import homogeneous_state
 from kinetic_solver.stability.scaling import cooling_state
 from kinetic_solver.theory.ornstein_uhlenbeck import bridge_variance, bridge_variances, half_transport_time, transition
 
@@ -168,42 +167,16 @@ def _bridges(model: Model, longest: float) -> Array:
 
 
 def exact_step_spacing(scales: Scales, waves: Waves, h: float) -> float:
-    """The largest dv that resolves the kernels of an exact step h, of which the local gauge takes two."""
-    return resolved_spacing(scales.scene.model, h / 2 if waves.local_gauge else h, resolution(scales.rtol))
+    """The largest dv that resolves the kernels of exact steps h, of which the local gauge takes two, and their sums with f."""
+    resolved = resolved_spacing(scales.scene.model, h / 2 if waves.local_gauge else h, resolution(scales.rtol))
+    return min(resolved, kernel_sums.largest_spacing(scales, waves, kernel_sums.links(scales, h), h))
 
 
-def finite_volumes(scales: Scales, name: DriftDiffusionScheme) -> float:
-    """The dv at which the finite volumes' error is RULE_SHARE of rtol."""
-    coefficient, order = measured.FINITE_VOLUME_ERROR[name]
-    coefficient *= tail_weight(scales) * min(1.0, measured.SATURATED * scales.scene.model.friction * scales.end)
-    if order == 8:
-        coefficient *= _off_equilibrium(scales)
-    return math.sqrt(scales.scene.model.noise) * (measured.RULE_SHARE * scales.rtol / coefficient) ** (1 / order)
-
-
-def finite_volumes_for_weak_noise(scales: Scales) -> float:
-    """For finite volumes in the kernel's place: of order 8 in the whole window."""
-    model, edges = scales.scene.model, window(scales)
-    farthest = max(abs(edge - model.gravity / model.friction) for edge in (edges.low, edges.high))
-    return min(finite_volumes(scales, "finite-volume-8"), measured.STEEPEST_FACE * model.noise / farthest)
-
-
-def tail_weight(scales: Scales) -> float:
-    """By how much the finite volumes' error grows with what (6), or a law that slows pairs down, amplifies."""
-    r = scales.amplification if scales.amplifies else abs(scales.slows) * scales.amplification if scales.slows else 1.0
-    strong, exponent = measured.STRONG_AMPLIFICATION
-    return (1 + r**2 + r**3) * in_t.grown(exponent * max(0.0, r - strong))
-
-
-def _off_equilibrium(scales: Scales) -> float:
-    """Differences of order 8 are taken of f/M, M the Maxwellian of variance σ: by how much more they err where f is hotter, or
-    displaced."""
-    model, scene = scales.scene.model, scales.scene
-    state = homogeneous_state(scene) if scales.amplifies else None
-    mean = state.mean_velocity if state is not None else model.gravity / model.friction
-    u = scales.mean_velocity
-    displaced = max(abs(float(u.min()) - mean), abs(float(u.max()) - mean)) / math.sqrt(model.noise)
-    return max(1.0, scales.theta_max / model.noise) ** 3 * math.exp(min(displaced, measured.MOST_DISPLACED))
+def for_weak_noise(scales: Scales, waves: Waves, h: float | None) -> float:
+    """The dv of finite volumes of order 8 in the kernel's place."""
+    edges = window(scales)
+    held = in_finite_volumes.spacing(scales, waves, "finite-volume-8", h)
+    return min(held, in_finite_volumes.steepest(scales, (edges.low, edges.high)))
 
 
 def _drift_diffusion(scales: Scales, waves: Waves, schemes: Schemes) -> list[Criterion]:
@@ -211,17 +184,18 @@ def _drift_diffusion(scales: Scales, waves: Waves, schemes: Schemes) -> list[Cri
     model, name, h = scales.scene.model, schemes.drift_diffusion, schemes.time_step
     if name != "kernel":
         weak = schemes.stepping == "exact" and scales.scene.grid.drift_diffusion is None
-        dv = finite_volumes_for_weak_noise(scales) if weak else finite_volumes(scales, name)
+        dv = for_weak_noise(scales, waves, h) if weak else in_finite_volumes.spacing(scales, waves, name, h)
         return [Criterion(dv, f"the finite volumes' error of order {measured.FINITE_VOLUME_ERROR[name][1]}")]
     if schemes.stepping == "extrapolated" and scales.slows:
         # Its steps are shorter than the kernel needs: finite volumes take over in all of them (solver/representation.py).
-        return [Criterion(finite_volumes(scales, "finite-volume-8"), "the finite volumes' error of order 8")]
+        held = in_finite_volumes.spacing(scales, waves, "finite-volume-8", h)
+        return [Criterion(held, "the finite volumes' error of order 8")]
     if schemes.stepping == "extrapolated" and scales.amplifies:
         # Finite volumes of order 8 take over in steps too short for the kernel, and some of an extrapolated step always are.
         factor, reference, power = measured.EXTRAPOLATED_STRANG_STEP
         shortest = factor / in_t.commutation_rate(scales, waves) * min(1.0, scales.rtol / reference) ** power
         return [
-            Criterion(finite_volumes(scales, "finite-volume-8"), "the finite volumes' error of order 8"),
+            Criterion(in_finite_volumes.spacing(scales, waves, "finite-volume-8", h), "the finite volumes' error of order 8"),
             Criterion(resolved_spacing(model, shortest), "the Ornstein-Uhlenbeck kernel of the steps to expect"),
         ]
     reason = "the Ornstein-Uhlenbeck kernel of one step"
@@ -231,7 +205,11 @@ def _drift_diffusion(scales: Scales, waves: Waves, schemes: Schemes) -> list[Cri
     if schemes.stepping == "strang":
         # Finite volumes of order 8 take over where dv is too coarse for the kernel: no need to be finer than they ask.
         shortest = in_t.shortest_step_that_fills(scales, float(h or np.diff(scales.times).min()))
-        return [Criterion(max(resolved_spacing(model, shortest), finite_volumes(scales, "finite-volume-8")), reason)]
+        return [
+            Criterion(
+                max(resolved_spacing(model, shortest), in_finite_volumes.spacing(scales, waves, "finite-volume-8", h)), reason
+            )
+        ]
     return []
 
 

@@ -33,7 +33,7 @@ what a run estimates of the error asks for no finer one then."""
 FINITE_VOLUME_ERROR: Mapping[DriftDiffusionScheme, tuple[float, int]] = MappingProxyType(
     {"finite-volume": (0.05, 2), "finite-volume-8": (0.1, 8)}
 )
-"""(coefficient, order): error <= coefficient·weight·(dv/√σ)^order; the weight is `in_v.tail_weight`.
+"""(coefficient, order): error <= coefficient·weight·(dv/√σ)^order; the weight is `in_finite_volumes.tail_weight`.
 benchmarks/accuracy_rules.py; about twice what was measured."""
 SATURATED = 4.0
 """Relaxation times, 1/4 of one, over which the finite volumes' error adds up. benchmarks/accuracy_rules.py."""

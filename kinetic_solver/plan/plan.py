@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
@@ -11,7 +12,7 @@ from kinetic_solver import initial
 from kinetic_solver.arrays import Array
 from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.laws import CollisionLaw
-from kinetic_solver.plan import in_t
+from kinetic_solver.plan import in_finite_volumes, in_t
 from kinetic_solver.plan.moving_frame import ReferenceFrame
 from kinetic_solver.plan.scales import Scales
 from kinetic_solver.plan.waves import Waves
@@ -78,6 +79,11 @@ class Plan:
     def law(self) -> CollisionLaw | None:
         """What collisions do; None where they do nothing."""
         return self.scales.law
+
+    @functools.cached_property
+    def finite_volume_spacing(self) -> float:
+        """The dv at which finite volumes err by RULE_SHARE of rtol."""
+        return in_finite_volumes.spacing(self.scales, self.waves, self.drift_diffusion, self.time_step)
 
     @property
     def tolerance(self) -> str:

@@ -119,8 +119,8 @@ class Scene(Table):
 
     @property
     def cross_section(self) -> float:
-        """S_C; 0 without collisions."""
-        return self.collisions.cross_section if self.collisions else 0.0
+        """S_C of the collisions that act; 0 without any, as of elastic ones (ε = 1), which change nothing."""
+        return self.collisions.cross_section if self.collisions is not None and self.operator is not None else 0.0
 
     @property
     def restitution(self) -> float:

@@ -12,9 +12,10 @@ from kinetic_solver.arrays import Array
 from kinetic_solver.grid import PhaseSpaceGrid
 from kinetic_solver.operators.collisions import POINTS, RefinableRate
 from kinetic_solver.operators.fourier import relative_amplitudes
+from kinetic_solver.operators.transport import resolved_waves
 from kinetic_solver.operators.velocity import OrnsteinUhlenbeckKernel
 from kinetic_solver.operators.velocity.kernel import resolution, resolved_spacing
-from kinetic_solver.plan import Plan, in_t, in_v, in_x, measured
+from kinetic_solver.plan import Plan, in_t, in_x, measured
 from kinetic_solver.rounding import rounded
 from kinetic_solver.scene import Model
 from kinetic_solver.solver.cut_off import CutOff, cut_off, of_what_stays
@@ -145,10 +146,11 @@ and 6 are multiples of 3. Chosen."""
 
 def _highest(seen: Observation) -> float:
     """The height of the highest eighth of waves in x after exact steps of (6), which put what the points do not hold of their
-    products among them: all together, twice the sum of their amplitudes."""
-    amplitude = seen.waves_in_x
+    products among them: all together, twice the sum of their amplitudes; and of what steps take from the waves below these."""
+    amplitude, taken = seen.waves_in_x, 1 - resolved_waves(seen.grid)
     above_the_start = amplitude.size - 1 - seen.plan.waves.highest_mode
-    return 2 * float(amplitude[-max(1, amplitude.size // 8, min(HIGHEST, above_the_start // 3)) :].sum())
+    taken[-max(1, amplitude.size // 8, min(HIGHEST, above_the_start // 3)) :] = 1.0
+    return 2 * float(amplitude @ taken)
 
 
 def _of_v(seen: Observation) -> float:
@@ -159,9 +161,8 @@ def _of_v(seen: Observation) -> float:
     if plan.drift_diffusion != "kernel":
         order = measured.FINITE_VOLUME_ERROR[plan.drift_diffusion][1]
         planned = measured.RULE_SHARE * plan.inner.accuracy.rtol
-        error += planned * (seen.grid.dv / in_v.finite_volumes(plan.scales, plan.drift_diffusion)) ** order
-    error += rate_error(seen, seen.clock)
-    return error
+        error += planned * (seen.grid.dv / plan.finite_volume_spacing) ** order
+    return error + rate_error(seen, seen.clock)
 
 
 def waves_in_v(seen: Observation) -> float:

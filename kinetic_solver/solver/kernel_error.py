@@ -2,41 +2,49 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from kinetic_solver.arrays import Array
+from kinetic_solver.plan import kernel_sums
 from kinetic_solver.solver.observation import Observation
-from kinetic_solver.theory.ornstein_uhlenbeck import transition
+from kinetic_solver.stepping import ExactSteps
+from kinetic_solver.theory.ornstein_uhlenbeck import half_transport_time, transition
 
 
 @dataclass(frozen=True)
 class Spectrum:
-    """Of f in v."""
+    """Of f: amplitudes over the largest, of waves in x and in v."""
 
-    wavenumbers: Array
-    amplitude: Array
-    """Of the largest."""
+    of_x: Array
+    of_v: Array
 
 
 def spectrum_of(seen: Observation) -> Spectrum:
-    q = 2 * np.pi / (seen.grid.high - seen.grid.low) * np.arange(seen.waves_in_v.size)
-    return Spectrum(q, seen.waves_in_v)
+    return Spectrum(seen.waves_in_x, seen.waves_in_v)
 
 
 def kernel_error(seen: Observation, start: Spectrum) -> float:
-    """Of the step to this state, over max f: a sum over points, of spacing dv, of the kernel times f counts the waves q of f
-    together with the kernel's Q - q, Q = 2π/dv, which its variance s² leaves exp(-s²(Q - q)²/2). f is that of the last link of
-    the chain (stepping/exact_steps.py): the start, or much as it is now."""
-    plan, model = seen.plan, seen.plan.inner.model
-    exact = seen.scheme.exact and plan.law is not None and plan.velocity == "points" and plan.drift_diffusion == "kernel"
-    if not exact or model.friction * model.noise == 0 or seen.clock < plan.shortest_step:
+    """Of the step to this state, over max f (plan/kernel_sums.py)."""
+    plan, model, steps = seen.plan, seen.plan.inner.model, seen.scheme.stepper
+    exact = isinstance(steps, ExactSteps) and plan.scales.amplifies and plan.velocity == "points"
+    if not exact or plan.drift_diffusion != "kernel" or model.friction * model.noise == 0 or seen.clock < plan.shortest_step:
         return 0.0  # before the shortest step f is found on finer points
-    link = math.inf if plan.time_step is None else plan.time_step
-    h = min(seen.clock, link)
-    variance = transition(model, h / 2 if plan.waves.local_gauge else h).velocity_variance
-    of = start if seen.clock <= link else spectrum_of(seen)
-    apart = np.maximum(0.0, 2 * np.pi / seen.grid.dv - of.wavenumbers)
-    return float(2 * (of.amplitude * np.exp(-variance * apart**2 / 2)).max())
+    assert isinstance(steps, ExactSteps)
+    begun = steps.begins(seen.clock)
+    h = seen.clock - begun
+    if plan.scene.initial.file is None:
+        return kernel_sums.error(plan.scales, plan.waves, seen.grid.dv, np.array([begun]), h, together=True)
+    return _of_spectra(seen, start if begun == 0 else spectrum_of(seen), h / 2 if plan.waves.local_gauge else h)
+
+
+def _of_spectra(seen: Observation, of: Spectrum, h: float) -> float:
+    """Of a step from a start that plans do not know: a wave exp(ikx + iqv) is no larger than both of its amplitudes. Later steps
+    begin with much the same spectra as they end with."""
+    model, grid = seen.plan.inner.model, seen.grid
+    step, tau = transition(model, h), half_transport_time(model.friction, h)
+    q = 2 * np.pi / (grid.high - grid.low) * np.arange(of.of_v.size)
+    apart = np.maximum(0.0, 2 * np.pi / grid.dv - q - tau * grid.wavenumbers[: of.of_x.size, None])
+    amplitude = np.minimum(of.of_v, of.of_x[:, None])
+    return float(2 * (amplitude * np.exp(-step.velocity_variance / step.decay**2 * apart**2 / 2)).max())

@@ -96,7 +96,8 @@ class March:
             # The start is known on the output's grid. A step in the density is shown as it is, not as the solver can carry it.
             others = dataclasses.replace(plan.whole, nx=plan.grid.nx) != plan.grid
             known = others or plan.reference_frame.moving or plan.scene.initial.step is not None or not plan.start.closed_form
-            self._write(0, start_shown(plan) if known else None)
+            known_f = known or plan.output != plan.grid
+            self._write(0, start_shown(plan) if known_f else None, moments_too=known)
         for frame, (start, end) in enumerate(itertools.pairwise(self.scheme.plan.times.tolist()), 1):
             if frame > self.frame:
                 for then in self._stops(start, end):
@@ -191,7 +192,7 @@ class March:
         go back to the interval's start, and are carried over only once the chain has begun."""
         fitting: tuple[Observation, ...]
         if isinstance(self.scheme.stepper, ExactSteps):
-            if not self.memory.begun:
+            if not self.memory.begun or self.memory.links[1].time == 0:  # the start seldom fits on a smaller grid
                 return None
             self.looks += 1
             if self.looks % CHECK_EVERY != 1:
@@ -277,10 +278,10 @@ class March:
 
     # -- what the run says
 
-    def _write(self, frame: int, shown: np.ndarray | None = None) -> None:
+    def _write(self, frame: int, shown: np.ndarray | None = None, moments_too: bool = True) -> None:
         if frame == 0 or not self.scheme.exact:
             self.diagnostics = {**self.diagnostics, **self.estimate.parts(self.now, self.diagnostics)}
-        self.writer.write(frame, self.now, self.diagnostics, shown)
+        self.writer.write(frame, self.now, self.diagnostics, shown, moments_too)
         self.frame = frame
         if frame + 1 < len(self.scheme.plan.times):
             self._after_step(self)

@@ -14,8 +14,9 @@ from kinetic_solver.arrays import Array
 from kinetic_solver.operators.collisions import PairCollisions
 from kinetic_solver.operators.collisions.protocol import CollisionRate
 from kinetic_solver.operators.linearised import GridLinearisedStep
-from kinetic_solver.operators.velocity.kernel import RESOLVED
-from kinetic_solver.plan import Plan, in_t, measured
+from kinetic_solver.operators.velocity.kernel import RESOLVED, resolution, resolved_spacing
+from kinetic_solver.plan import Plan, in_t, kernel_sums, measured
+from kinetic_solver.plan.choices import FINER_WHEN_EARLY
 from kinetic_solver.solver.homogeneous import HomogeneousSteps
 from kinetic_solver.solver.relaxing import relaxation
 from kinetic_solver.solver.representation import Representation, collision_operator, make_representation
@@ -37,7 +38,7 @@ from kinetic_solver.stepping import (
 
 LINEARISED_ROUND_OFF = 0.05
 """Of rtol, to the round-off of the exactly linearised step of (6): it decides between its gauges. Chosen."""
-FINER = (3, 9)
+FINER = (FINER_WHEN_EARLY, 3 * FINER_WHEN_EARLY)
 """How many times denser the points may be on which a start is stepped to a time too early for the kernel on the plan's: odd, so
 that the plan's points are among them. The kernel's width goes as the square root of short times."""
 RELAXED = (1.0, 10.0)
@@ -194,7 +195,7 @@ class Early:
         self._finer: dict[int, tuple[ExactStep, Any]] = {}
 
     def __call__(self, time: float) -> Array:
-        factor = next((n for n in FINER if time * n**2 >= self.plan.shortest_step), FINER[-1])
+        factor = next((n for n in FINER if self._good(time, n)), FINER[-1])
         if factor not in self._finer:
             grid = dataclasses.replace(self.plan.grid, nv=self.plan.grid.nv * factor)
             representation = make_representation(dataclasses.replace(self.plan, grid=grid))
@@ -207,3 +208,11 @@ class Early:
             step.forget()  # every time is asked for once, and tables grow with the square of the points
         # `factor` fine cells make one of the plan's, whose centre is the middle one's.
         return f[:, factor // 2 :: factor]
+
+    def _good(self, time: float, factor: int) -> bool:
+        """Whether so many times denser points do for the kernel."""
+        plan, dv = self.plan, self.plan.grid.dv / factor
+        wide = dv <= resolved_spacing(
+            plan.inner.model, time / 2 if plan.waves.local_gauge else time, resolution(plan.scales.rtol)
+        )
+        return wide and kernel_sums.good(plan.scales, plan.waves, dv, np.zeros(1), time)

@@ -38,8 +38,10 @@ class Writer:
         self._places = self._missing = 0
         self._convert: ToOutput | None = None
 
-    def write(self, frame: int, seen: Observation, diagnostics: dict[str, float], shown: Array | None = None) -> None:
-        """The frame of this number. `shown`, f on the output's grid, stands for what is seen in the fields."""
+    def write(
+        self, frame: int, seen: Observation, diagnostics: dict[str, float], shown: Array | None = None, moments_too: bool = True
+    ) -> None:
+        """The frame of this number. `shown`, f on the output's grid, stands for what is seen, in the moments as well or in f."""
         due = self.schedule.due[frame]
         place = seen.plan.reference_frame.place(seen.clock)
         # Scaled velocities are the frame's, in other units.
@@ -55,7 +57,7 @@ class Writer:
             values["f"] = {"f": in_lab}
         if "moments" in due:
             assert in_lab is not None
-            values["moments"] = self._moments(seen, place, convert, shown)
+            values["moments"] = self._moments(seen, place, convert, shown if moments_too else None)
             # Few places show the values of f there, from which its integral over x does not follow.
             known = shown is not None and self.output.nx >= seen.grid.nx
             w = shown.sum(axis=0) * self.output.dx if known and shown is not None else convert.over_x(seen.f, shown_from)

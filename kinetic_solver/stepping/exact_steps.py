@@ -159,6 +159,12 @@ class ExactSteps:
         n = math.floor(time / self.spacing * (1 + SAME))
         return n * self.spacing, (n + 1) * self.spacing
 
+    def begins(self, time: float) -> float:
+        """When the step to this time begins: at a link of the chain, or where there is none yet, at 0."""
+        before, _ = self._around(time)
+        back = max(self.aside, SAME * time)  # a link itself is reached from the one before
+        return max(0.0, before - self.spacing) if time - before < back else before
+
     def carried(self, memory: Chain, to: ExactSteps, convert: Callable[[Array], Array]) -> Chain:
         """The chain as the memory of another stepper, its states being `convert` of what they were: on another grid."""
         lower, lift = self.exact.lower, to.exact.lift

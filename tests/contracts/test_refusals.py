@@ -47,6 +47,8 @@ IN_WORDS: dict[str, dict[str, Any]] = {
     "allowed: above 0": {"initial.step.ratio": 0.7},
     "1e-6 or more": {"initial.modes": [{"mode": 1, "cos": 0.9}]},
     "remove it for the closure": {"hydrodynamics.moments": None},
+    "an earlier time": {"run.end_time": 1.1},
+    "model.noise above 0": {"model.noise": 0.4},
     "no hydrodynamics.moments": {"hydrodynamics.moments": None},
 }
 """What a line may allow besides numbers, and what it means for a scene. The first that fits a part of the line is taken."""
@@ -108,6 +110,13 @@ RUN: dict[str, dict[str, Any]] = {
 CLOSED: dict[str, dict[str, Any]] = {
     "of (12)": {"collisions": INELASTIC},
     "of a file": {"initial": {"density": 1.2, "file": "state.nc"}},
+    "of waves folded too often": {"model.friction": 0.0, "run.end_time": 1e6},
+    "of waves of velocity folded too often": {
+        "model.friction": 0.0,
+        "initial.velocity_modes": [{"mode": 1, "sin": 0.2}],
+        "run.end_time": 1e5,
+    },
+    "without any temperature left": {"model.noise": 0.0, "run.end_time": 1e3},
     "of eigenmodes": {"initial": {"density": 1.2, "eigenmodes": [{"mode": 1, "cos": 0.01}]}},
 }
 HYDRODYNAMIC: dict[str, dict[str, Any]] = {

@@ -25,6 +25,8 @@ WEAK = [(5, 1e-4), (23, 1e-4), (26, 1e-4), (50, 1e-3), (50, 1e-4)]
 HARD_TO_RATE = [(16, 1e-3), (88, 1e-4), (112, 1e-3), (121, 1e-3), (148, 1e-6), (283, 1e-6), (310, 1e-6)]
 """Seeds and rtol whose errors come of what is easily overlooked: the highest waves in x together (16), a start of few of them
 (148), the kernel's points (88), waves in v between the points (112, 121, 283, 310)."""
+APART = [9, 17, 72, 10, 67, 107, 115, 4, 29, 53, 61, 7, 71, 31]
+"""Of the kinds apart, those whose references take less than a tenth of a second."""
 LONGEST = 0.5
 """Seconds that a run may be foretold to take, here."""
 
@@ -57,6 +59,13 @@ def test_estimates_of_few_steps(seed: int, rtol: float) -> None:
     line = attempt(seed, rtol)
     assert 1 / 60 < line["errors"]["f"] / line["estimate"] < 1, line
     assert line["estimate"] <= 1, line
+
+
+@pytest.mark.parametrize(("seed", "rtol"), [*((seed, 1e-4) for seed in APART), (15, 1e-6)])
+def test_weak_friction_early_ends_and_high_modes(seed: int, rtol: float) -> None:
+    line = attempt(seed, rtol, longest=LONGEST, further=True)
+    if "too_long" not in line:
+        check(line)
 
 
 @pytest.mark.parametrize("seed", WITH_PAIRS)
