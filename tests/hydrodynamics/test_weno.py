@@ -105,7 +105,7 @@ def test_uniform_states_do_not_change() -> None:
     assert (rate(state, 2.0) == 0).all()
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.integers(0, 2**32 - 1), st.sampled_from([0.1, 0.5, 0.99]), st.floats(1e-8, 1.0))
 def test_an_euler_step_keeps_density_and_temperature_positive(seed: int, share: float, least: float) -> None:
     """From states with jumps of every kind, densities and temperatures down to 1e-8 of their largest; conserves to rounding."""

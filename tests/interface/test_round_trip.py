@@ -99,7 +99,7 @@ def toml(value: Any) -> str:
     return json.dumps(value, ensure_ascii=False)
 
 
-@settings(max_examples=100, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=100, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(tables=scenes)
 def test_a_scene_comes_back_as_it_was(tmp_path: Path, tables: Tables) -> None:
     path = tmp_path / "scene.toml"

@@ -23,7 +23,7 @@ from kinetic_solver.scene import Model
 
 RTOL = 1e-4
 WAVES = 4
-few, several, many = (settings(max_examples=count, derandomize=True, deadline=None) for count in (15, 40, 60))
+few, several, many = (settings(max_examples=count) for count in (15, 40, 60))
 """Of three accurate runs an example, of one or two, and of operators alone."""
 FOLLOW, INELASTIC = "follow-the-leader", "inelastic"
 

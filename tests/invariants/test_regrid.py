@@ -60,7 +60,7 @@ def test_resize_of_the_shortest_wave() -> None:
 
 
 @given(st.integers(1, 40), st.integers(1, 40), st.floats(-1, 1), st.integers(0, 2**32 - 1))
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 def test_resize_keeps_means_and_comes_back(n: int, count: int, shift: float, seed: int) -> None:
     """Of any values; up and down again without a shift is the identity."""
     values = np.random.default_rng(seed).normal(size=(n, 3))
@@ -80,7 +80,7 @@ def changed_grids(draw: st.DrawFn) -> PhaseSpaceGrid:
 
 
 @given(changed_grids(), st.integers(0, 2**32 - 1))
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 def test_regrid_keeps_the_mass(new: PhaseSpaceGrid, seed: int) -> None:
     """Of every x, to round-off, whatever f is, and whatever it loses: cropped, extended, refined, coarsened."""
     f = np.random.default_rng(seed).uniform(0, 1, (GRID.nx, GRID.nv))
@@ -120,7 +120,7 @@ def test_cropped_cells_are_added_to_the_last_that_stay() -> None:
 
 
 @given(st.floats(-15, -0.5), st.floats(0.5, 15))
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 def test_window_in_cells(low: float, high: float) -> None:
     """Same dv, holds what was asked, by less than a cell more on either side, with faces on the old grid's lattice."""
     new = window_in_cells(GRID, low, high)

@@ -133,7 +133,7 @@ def test_rates_are_those_of_the_linearised_equations(make_scene: MakeScene, oper
         assert np.abs(expected - s).min() < 1e-11 * np.abs(expected).max()
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     gamma=st.floats(0.05, 20),
     sigma=st.floats(0.05, 20),
