@@ -82,29 +82,3 @@ def test_the_command_says_it_where_its_loops_are_not_kept_yet(tmp_path: Path) ->
     first, second = said(), said()
     assert [line for line in first if line != compiling.LINE] == second
     assert first.count(compiling.LINE) == 1
-
-
-RATES = """
-import sys, numpy as np
-from kinetic_solver.laws import Inelastic
-from kinetic_solver.operators.collisions import PairCollisions
-v = np.linspace(-5.0, 6.0, 40)
-for deposit in sys.argv[1:]:
-    f = np.exp(-((v - 0.3) ** 2) / 1.4) * (1 + 0.1 * v)
-    energy = PairCollisions(v, Inelastic(1.3, 0.7), deposit).rate(f[None]) @ v**2
-    print(deposit, energy[0])
-"""
-
-
-def test_kernels_that_several_processes_compiled_are_not_taken_for_one_another(tmp_path: Path) -> None:
-    """One for each deposit: numba keeps them by name, and two processes give their first one the same number."""
-    settings = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "kept")}
-
-    def rates(*deposits: str) -> list[str]:
-        command = [sys.executable, "-c", RATES, *deposits]
-        done = subprocess.run(command, cwd=tmp_path, env=settings, capture_output=True, text=True, check=True)
-        return done.stdout.splitlines()
-
-    both = [*rates("linear"), *rates("quintic")]
-    assert len({line.split()[1] for line in both}) == 2
-    assert rates("linear", "quintic") == both

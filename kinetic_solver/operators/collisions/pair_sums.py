@@ -25,29 +25,21 @@ SECONDS_OF_A_PAIR = 0.75e-9
 
 
 def pair_rates(
-    f: Array,
-    scale: float,
-    inside: NDArray[np.int64],
-    linear: NDArray[np.int64],
-    linear_weights: Array,
-    high: NDArray[np.int64],
-    high_weights: Array,
+    f: Array, scale: float, linear: NDArray[np.int64], linear_weights: Array, high: NDArray[np.int64], high_weights: Array
 ) -> Array:
     """∂f/∂t (nx, nv) of pairs m apart that collide at the rate scale·m f f'.
 
     `linear`, `high` (2, nv): the first points of the stencils of the slower and the faster particle, for each m, counted from the
-    slower particle, and their `_weights` (2, nv, points). Of the pairs m apart, counted by their slower particles, those from
-    `inside`[0, m] up to `inside`[1, m] take the high ones; those of the others would leave the window.
+    slower particle, and their `_weights` (2, nv, points); the linear ones are for pairs whose others would leave the window.
     """
     nx, nv = f.shape
-    points = high_weights.shape[2]
-    out, padded = np.empty((nx, nv)), np.zeros((nx, nv + 2 * (points - 1)))
-    source, kernel = np.ascontiguousarray(f), _kernel(points)
+    out, padded = np.empty((nx, nv)), np.zeros((nx, nv + 2 * (high_weights.shape[2] - 1)))
+    source, kernel = np.ascontiguousarray(f), _kernel()
 
     def of(rows: slice) -> None:
         # What is not finite stops a run with a line of its own.
         with np.errstate(all="ignore"):
-            kernel(source[rows], scale, inside, linear, linear_weights, high, high_weights, padded[rows], out[rows])
+            kernel(source[rows], scale, linear, linear_weights, high, high_weights, padded[rows], out[rows])
 
     over_rows(of, nx, nx * nv * (nv - 1) / 2 * SECONDS_OF_A_PAIR)
     return out
@@ -79,52 +71,53 @@ def _pair_rates(p, slower, faster, scale):  # type: ignore[no-untyped-def]
         p[j] = scale * slower[j] * faster[j]
 
 
-# c_k += Σ_q w_q p_{k - q}, p padded with zeros, of stencils of 2, 4 and 6 points.
-
-
 @numba.njit(inline="always")
-def _gain_of_2(c, p, w):  # type: ignore[no-untyped-def]
-    w0, w1 = w[0], w[1]
-    for k in range(c.size):
-        c[k] += w0 * p[k + 1] + w1 * p[k]
+def _gain(c, p, w):  # type: ignore[no-untyped-def]
+    """c_k += Σ_q w_q p_{k - q}, p padded with zeros, of stencils of 2, 4 and 6 points."""
+    if w.size == 2:
+        w0, w1 = w[0], w[1]
+        for k in range(c.size):
+            c[k] += w0 * p[k + 1] + w1 * p[k]
+    elif w.size == 4:
+        w0, w1, w2, w3 = w[0], w[1], w[2], w[3]
+        for k in range(c.size):
+            c[k] += (w0 * p[k + 3] + w1 * p[k + 2]) + (w2 * p[k + 1] + w3 * p[k])
+    else:
+        w0, w1, w2, w3, w4, w5 = w[0], w[1], w[2], w[3], w[4], w[5]
+        for k in range(c.size):
+            c[k] += (w0 * p[k + 5] + w1 * p[k + 4]) + (w2 * p[k + 3] + w3 * p[k + 2]) + (w4 * p[k + 1] + w5 * p[k])
 
 
-@numba.njit(inline="always")
-def _gain_of_4(c, p, w):  # type: ignore[no-untyped-def]
-    w0, w1, w2, w3 = w[0], w[1], w[2], w[3]
-    for k in range(c.size):
-        c[k] += (w0 * p[k + 3] + w1 * p[k + 2]) + (w2 * p[k + 1] + w3 * p[k])
-
-
-@numba.njit(inline="always")
-def _gain_of_6(c, p, w):  # type: ignore[no-untyped-def]
-    w0, w1, w2, w3, w4, w5 = w[0], w[1], w[2], w[3], w[4], w[5]
-    for k in range(c.size):
-        c[k] += (w0 * p[k + 5] + w1 * p[k + 4]) + (w2 * p[k + 3] + w3 * p[k + 2]) + (w4 * p[k + 1] + w5 * p[k])
-
-
-_TABLES = "int64[:,::1], float64[:,:,::1]"
-_SIGNATURE = f"void(float64[::1], float64, int64[:,::1], {_TABLES}, {_TABLES}, float64[::1], float64[::1])"
-_SHAPES = "(n),(),(s,n),(s,n),(s,n,l),(s,n),(s,n,p),(z)->(n)"
+_TABLES = "int64[:,::1], float64[:,:,::1], int64[:,::1], float64[:,:,::1]"
+_SIGNATURE = f"void(float64[::1], float64, {_TABLES}, float64[::1], float64[::1])"
+_SHAPES = "(n),(),(s,n),(s,n,l),(s,n),(s,n,p),(z)->(n)"
 
 
 @functools.cache
-def _kernel(points: int) -> Any:
-    """Of rows of f, for stencils of 2, 4 or 6 points: compiled when it is first asked for."""
+def _kernel() -> Any:
+    """Of rows of f, for stencils of 2, 4 and 6 points: compiled when it is first asked for, 0.9 s.
+
+    One kernel for all three. Three closures of one function would compile faster, 0.6 s for the one that is asked for, but numba
+    gives the functions of two processes the same name in the cache, and a third process that loads both calls one for the other.
+    """
     with getting_ready():
-        return _made(points)
+        return _made()
 
 
-def _made(points: int) -> Any:
-    def row(f, scale, inside, linear, linear_weights, high, high_weights, padded, c):  # type: ignore[no-untyped-def]
+def _made() -> Any:
+    @numba.guvectorize([_SIGNATURE], _SHAPES, nopython=True, cache=True, writable_args=("padded",))
+    def row(f, scale, linear, linear_weights, high, high_weights, padded, c):  # type: ignore[no-untyped-def]
         """c, the rate of one row f; the first points of `padded` are zeros."""
-        nv, pad = f.size, points - 1
+        nv, pad = f.size, high_weights.shape[2] - 1
         _loss(c, f, scale)
         for m in range(1, nv):
             pairs = nv - m
             p = padded[pad : pad + pairs]
             _pair_rates(p, f[:pairs], f[m:], scale * m)
-            begin, end = inside[0, m], inside[1, m]
+            # [begin, end): pairs whose stencils, which may overhang the pair on either side, stay inside the window
+            slow, fast = high[0, m], high[1, m]
+            begin = min(max(0, -slow, -fast), pairs)
+            end = max(begin, pairs - max(0, slow + pad - m, fast + pad - m))
             outside = begin + pairs - end
             for q in range(2 if outside > 0 else 0):
                 for particle in range(2):
@@ -139,15 +132,6 @@ def _made(points: int) -> Any:
                 reached = end - begin + pad
                 for particle in range(2):
                     first = high[particle, m] + begin
-                    deposited, reaching = c[first : first + reached], padded[begin : begin + reached + pad]
-                    # `points` is a constant to the compiler, which drops the branches of the others.
-                    if points == 2:
-                        _gain_of_2(deposited, reaching, high_weights[particle, m])
-                    elif points == 4:
-                        _gain_of_4(deposited, reaching, high_weights[particle, m])
-                    else:
-                        _gain_of_6(deposited, reaching, high_weights[particle, m])
+                    _gain(c[first : first + reached], padded[begin : begin + reached + pad], high_weights[particle, m])
 
-    # numba keeps compiled functions by their names, and one process may load two of these: each needs a name of its own.
-    row.__name__ = row.__qualname__ = f"row_of_{points}_points"
-    return numba.guvectorize([_SIGNATURE], _SHAPES, nopython=True, cache=True, writable_args=("padded",))(row)
+    return row

@@ -43,7 +43,7 @@ class PairCollisions:
         self.conserves = law.conserves
         self.dv = float(velocity[1] - velocity[0])
         kind, numbers = type(law).after, law.numbers
-        self._inside, self._linear, self._high, self.idle = _tables(kind, numbers, velocity.size, self.dv, POINTS[deposit])
+        self._linear, self._high, self.idle = _tables(kind, numbers, velocity.size, self.dv, POINTS[deposit])
         """`idle`: True where no pair changes anything."""
         # Near r = 0 the integrand of a law that keeps momentum is r [a² + b² - r²]/2 f² φ'' + ..., whose sum over r = m dv misses
         # its integral by dv⁴/720 times the third derivative (Euler-Maclaurin): only the quintic deposit is that accurate.
@@ -58,7 +58,7 @@ class PairCollisions:
         # Here, because it loads numba, and looks at its cache: plans of other laws import this module.
         from kinetic_solver.operators.collisions.pair_sums import pair_rates
 
-        out = pair_rates(f, scale, self._inside, *self._linear, *self._high)
+        out = pair_rates(f, scale, *self._linear, *self._high)
         if self._kink:
             square = (scale * self._kink) * f[:, 1:-1] ** 2
             out[:, :-2] += square
@@ -99,24 +99,14 @@ Stencils = tuple[NDArray[np.int64], Array]
 @functools.lru_cache(maxsize=MOST_TABLES)
 def _tables(
     after: Callable[..., tuple[float, float]], numbers: tuple[float, ...], nv: int, dv: float, points: int
-) -> tuple[NDArray[np.int64], Stencils, Stencils, bool]:
-    """(`_inside`, linear stencils, those of so many points, whether no pair changes anything). Read only: runs share them."""
+) -> tuple[Stencils, Stencils, bool]:
+    """(linear stencils, those of so many points, whether no pair changes anything). They are read only: runs share them."""
     apart = np.arange(nv, dtype=np.int64)
     r = dv * apart[1:].astype(float)
     parts = [place / r for place in outcomes(after, numbers, r)]
     slower, faster = (np.append(0.0, part) * apart.astype(float) for part in parts)
     idle = bool(np.all(parts[0] < UNCHANGED) and np.all(parts[1] > 1 - UNCHANGED))
-    high = _stencils(slower, faster, apart, points)
-    return _inside(high[0], points), _stencils(slower, faster, apart, 2), high, idle
-
-
-def _inside(first: NDArray[np.int64], points: int) -> NDArray[np.int64]:
-    """(begin, end), (2, nv): of the pairs m apart, counted by their slower particles, those whose stencils stay in the window. A
-    stencil may overhang the pair on either side."""
-    apart = np.arange(first.shape[1])
-    pairs = apart.size - apart
-    begin = np.minimum(np.maximum(0, -first.min(axis=0)), pairs)
-    return np.stack([begin, np.maximum(begin, pairs - np.maximum(0, first.max(axis=0) + points - 1 - apart))])
+    return _stencils(slower, faster, apart, 2), _stencils(slower, faster, apart, points), idle
 
 
 def _stencils(slower: Array, faster: Array, apart: NDArray[np.int64], points: int) -> Stencils:
