@@ -163,12 +163,15 @@ def drift_diffusion(scales: Scales, waves: Waves) -> DriftDiffusionScheme:
     if given is None and scales.amplifies and model.friction * model.noise > 0:
         longest = in_t.farthest_exact_step(scales)
         kernel = in_v.exact_step_spacing(scales, waves, longest)
-        needed = strictest(in_v.spacings(scales, waves, in_v.Schemes("exact", "finite-volume-8", None, longest))).value
         # A frame within the first step is found on finer points (solver/scheme.py), if dv is that of the kernel.
         early = float(np.mean(scales.times[1:] < longest * (1 - 1e-9)))
-        dearer = math.sqrt(1 + (FINER_WHEN_EARLY**2 - 1) * early)
-        coarser = in_v.for_weak_noise(scales, waves, longest) / kernel
-        if needed > kernel and coarser * dearer > FINITE_VOLUMES_COARSER:
+        enough = FINITE_VOLUMES_COARSER * kernel / math.sqrt(1 + (FINER_WHEN_EARLY**2 - 1) * early)
+        # The first question costs least, and is answered by no in most scenes.
+        if (
+            in_v.steepest(scales) > enough
+            and in_v.for_weak_noise(scales, waves, longest) > enough
+            and strictest(in_v.spacings(scales, waves, in_v.Schemes("exact", "finite-volume-8", None, longest))).value > kernel
+        ):
             return "finite-volume-8"
     return given or "kernel"
 

@@ -27,8 +27,10 @@ SAME = 1e-9
 LEFT_OUT = 0.1
 """Of a file's window, that the solver's may reach beyond it without the output's doing so, unless (6) amplifies what is there: at
 the edges of both f has ended. Chosen: a run that goes on is then written at the same velocities."""
-STRONG = 1.0
-"""R_t from which on (6) is written at the very points at which it is solved, for whoever goes on from them. Chosen."""
+STRONG = 5.0
+"""R_t from which on (6) is written at the very points at which it is solved, for whoever goes on from them: rounding in the slow
+tail, which interpolation leaves there, grows by exp(R_t w). Chosen; with less a run goes on as well, and fewer velocities are
+faster (tests/exact/test_continued_runs.py)."""
 HOPELESS = 1.0
 """Of max f, that (6) may make of what a start leaves out: with more, nothing of the run would be right."""
 

@@ -174,9 +174,13 @@ def exact_step_spacing(scales: Scales, waves: Waves, h: float) -> float:
 
 def for_weak_noise(scales: Scales, waves: Waves, h: float | None) -> float:
     """The dv of finite volumes of order 8 in the kernel's place."""
+    return min(in_finite_volumes.spacing(scales, waves, "finite-volume-8", h), steepest(scales))
+
+
+def steepest(scales: Scales) -> float:
+    """The dv at which finite volumes keep order 8 in the whole window."""
     edges = window(scales)
-    held = in_finite_volumes.spacing(scales, waves, "finite-volume-8", h)
-    return min(held, in_finite_volumes.steepest(scales, (edges.low, edges.high)))
+    return in_finite_volumes.steepest(scales, (edges.low, edges.high))
 
 
 def _drift_diffusion(scales: Scales, waves: Waves, schemes: Schemes) -> list[Criterion]:
