@@ -127,13 +127,6 @@ class Scales:
         """Likewise of what the window cuts off: ahead of a front into thin places only the fastest particles are."""
         return min(rtol, max(LEAST_RTOL, EDGE_OF_THIN * max(rtol, self.thinnest) * rtol))
 
-    def asked_for(self, of_f: float) -> float:
-        """The least accuracy.rtol at which no more than this is asked of f."""
-        if self.scene.output.moments is False:
-            return of_f
-        asked = min(of_f / THIN / max(self.thinnest, 1e-300), math.sqrt(of_f / THIN))
-        return max(of_f, min(asked, of_f / PAIRS_ARE_DENSE) if self.of_pairs else asked)
-
     @property
     def cooling(self) -> bool:
         """True in a frame that follows a cooling gas, whose friction is negative (moving_frame.py)."""

@@ -11,8 +11,8 @@ from kinetic_solver.solver.scheme import Scheme
 
 TOLERATED = 1.7
 """Times rtol that the estimate may come to without a warning: a sum of bounds, of which a run lets either edge of the window have
-0.3 of rtol, the collision rate 0.7 and the steps 0.4 (solver/monitor.py, plan/in_t.py). They do not meet at one place: the true
-errors of 200 random scenes at three rtol were half of it at the most (docs/accuracy.md)."""
+0.3 of rtol, the collision rate 0.7 and the steps with (12) 1 (solver/monitor.py, plan/in_t.py). They do not meet at one place:
+the true errors of 200 random scenes at three rtol were half of rtol at the most (docs/accuracy.md)."""
 
 
 @dataclass(frozen=True)
